@@ -1,0 +1,7 @@
+"""Bootstrapping Q-learning for robotics from neuro-evolution results."""
+
+from qboot.xla import compile_small_loops
+
+__version__ = "0.1.0"
+
+compile_small_loops()
