@@ -1,0 +1,114 @@
+"""DNN, the direct encoding of neural networks (paper, section III-B3): padded genotype and synchronous network.
+
+Neurons are numbered inputs first, then outputs, then hidden neurons, so that a network keeps its numbers whatever the
+room for hidden neurons. Shape letters: S inputs, E outputs, H hidden neurons at most, C connections at most,
+K = E + H neurons that compute, N = S + K neurons in all.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+BIAS_GAIN = 5.0  # a bias acts five-fold, as in the authors' program
+
+
+@dataclass(frozen=True)
+class Topology:
+    """What all networks of a run share (appendix B)."""
+
+    n_inputs: int = 13
+    """Input neurons, one per sensor."""
+    n_outputs: int = 3
+    """Output neurons, one per effector."""
+    max_hidden: int = 20
+    """Hidden neurons at most."""
+    max_connections: int = 75
+    """Connections at most."""
+    weight_limit: float = 5.0
+    """Weights and biases lie in [-weight_limit, weight_limit]."""
+    feed_forward: bool = False
+    """Whether mutation keeps networks free of cycles."""
+
+    def __post_init__(self):
+        """Reject a topology whose first generation does not fit."""
+        if self.max_connections < self.n_inputs * self.n_outputs:
+            raise ValueError(
+                f"max_connections is {self.max_connections}, but the first generation connects each of "
+                f"{self.n_inputs} inputs to each of {self.n_outputs} outputs: at least {self.n_inputs * self.n_outputs}"
+            )
+
+    @property
+    def n_computing(self) -> int:
+        """K, outputs and hidden neurons."""
+        return self.n_outputs + self.max_hidden
+
+    @property
+    def n_neurons(self) -> int:
+        """N, all neurons."""
+        return self.n_inputs + self.n_computing
+
+
+class Genome(NamedTuple):
+    """A network as lists of connections and neurons; what the masks leave out is padding without effect."""
+
+    sources: jax.Array  # (C,) int32 neuron numbers
+    targets: jax.Array  # (C,) int32 neuron numbers, never an input
+    weights: jax.Array  # (C,) float32
+    connected: jax.Array  # (C,) bool, which connections exist
+    biases: jax.Array  # (K,) float32, outputs first
+    hidden: jax.Array  # (H,) bool, which hidden neurons exist
+
+
+class Network(NamedTuple):
+    """A genome expressed for evaluation."""
+
+    weights: jax.Array  # (K, N) dense, 0 where there is no connection
+    biases: jax.Array  # (K,)
+
+
+def random_genome(key: jax.Array, topology: Topology) -> Genome:
+    """A network of the first generation: every input to every output, no hidden neuron, uniform weights and biases."""
+    n_first = topology.n_inputs * topology.n_outputs
+    index = jnp.arange(topology.max_connections)
+    connected = index < n_first
+    key_weights, key_biases = jax.random.split(key)
+    # Drawn one by one, so that a network does not depend on the room left for its growth.
+    draw = jax.vmap(lambda key, i: jax.random.uniform(jax.random.fold_in(key, i), minval=-1.0), in_axes=(None, 0))
+    limit = topology.weight_limit
+    return Genome(
+        sources=jnp.where(connected, index % topology.n_inputs, 0).astype(jnp.int32),
+        targets=jnp.where(connected, topology.n_inputs + index // topology.n_inputs, topology.n_inputs).astype(
+            jnp.int32
+        ),
+        weights=jnp.where(connected, limit * draw(key_weights, index), 0.0),
+        connected=connected,
+        biases=jnp.where(
+            jnp.arange(topology.n_computing) < topology.n_outputs,
+            limit * draw(key_biases, jnp.arange(topology.n_computing)),
+            0.0,
+        ),
+        hidden=jnp.zeros(topology.max_hidden, bool),
+    )
+
+
+def express(genome: Genome, topology: Topology) -> Network:
+    """The dense network of a genome, built once per evaluation."""
+    rows = jnp.where(genome.connected, genome.targets - topology.n_inputs, topology.n_computing)
+    weights = jnp.zeros((topology.n_computing, topology.n_neurons))
+    return Network(weights.at[rows, genome.sources].add(genome.weights, mode="drop"), genome.biases)
+
+
+def rest(network: Network) -> jax.Array:
+    """Activities (K,) before the first step: all 0."""
+    return jnp.zeros_like(network.biases)
+
+
+def step(network: Network, activities: jax.Array, inputs: jax.Array) -> jax.Array:
+    """All neurons at once, from the inputs (S,) and the activities (K,) of the step before; the first E are outputs.
+
+    A connection between computing neurons therefore takes one step, in recurrent and feed-forward networks alike.
+    """
+    drive = network.weights @ jnp.concatenate([inputs, activities])
+    return jax.nn.sigmoid(drive - BIAS_GAIN * network.biases)
