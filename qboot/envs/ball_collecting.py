@@ -117,7 +117,12 @@ def lights(domain: arenas.Arena, centre: jax.Array, axes: jax.Array, points: jax
 
 
 def observe(
-    domain: arenas.Arena, posture: Posture, contact: Contact, present: jax.Array, carrying: jax.Array, pulled: jax.Array
+    domain: arenas.Arena,
+    posture: Posture,
+    contact: Contact,
+    present: jax.Array,
+    carrying: jax.Array,
+    pulled: jax.Array,
 ) -> jax.Array:
     """The 13 sensors in [0, 1], in the order of SENSORS; `present` (4,) bool tells which balls can be seen."""
     centre = jnp.stack([posture.x, posture.y])
@@ -131,7 +136,12 @@ def observe(
         ]
     )
     proximity = jnp.maximum(1.0 - lasers(domain, centre, headings) / domain.laser_range, 0.0)
-    seen = lights(domain, centre, headings[:2], jnp.concatenate([domain.balls, domain.basket[None], domain.switch[None]]))
+    seen = lights(
+        domain,
+        centre,
+        headings[:2],
+        jnp.concatenate([domain.balls, domain.basket[None], domain.switch[None]]),
+    )
     ball = jnp.any(seen[:, :4] & present, axis=1)
     flags = jnp.stack(
         [ball[0], ball[1], seen[0, 4], seen[1, 4], seen[0, 5], seen[1, 5],

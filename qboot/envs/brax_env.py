@@ -1,16 +1,23 @@
 """Brax's `Env` interface around one domain of a task."""
 
+import contextlib
+import io
+
 import jax
 import jax.numpy as jnp
-from brax.envs.base import Env, State
 
 from qboot.envs.types import Domain, Task
+
+# Brax loads MJX, which tells on stdout what optional packages it lacks. Stdout belongs to the programs.
+with contextlib.redirect_stdout(io.StringIO()):
+    from brax.envs.base import Env, State
 
 
 class TaskEnv(Env):
     """One domain of a task as a `brax.envs.base.Env`; `pipeline_state` holds the task's own state."""
 
     def __init__(self, task: Task, domain: Domain):
+        """Wrap `task` in the one `domain` (no leading axis D)."""
         self.task = task
         self.domain = jax.tree.map(jnp.asarray, domain)
 
@@ -20,7 +27,8 @@ class TaskEnv(Env):
 
     def step(self, state: State, action: jax.Array) -> State:
         """One step with `action` (E,) in [0, 1]."""
-        return self._wrap(self.task.step(self.domain, state.pipeline_state, action), state.metrics, state.info)
+        after = self.task.step(self.domain, state.pipeline_state, action)
+        return self._wrap(after, state.metrics, state.info)
 
     def _wrap(self, state, metrics: dict, info: dict) -> State:
         return State(

@@ -1,12 +1,12 @@
 """What is kept of a test to compare behaviours (paper, sections V-A2 and VI-A2).
 
-A `Recorder` keeps a small record at every step and turns the records of a test into a description. Only the distance
-in force is recorded: the others would cost time and memory for nothing, and a test can be run again, to the bit.
+A `Recorder` folds a test, step by step, into a description of fixed size. Only the distance in force is recorded: the
+others would cost time and memory for nothing, and a test can be run again, to the bit.
 Shape letters: T steps, S sensors, E effectors.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,63 +16,102 @@ from qboot.envs.types import Domain, Task, TaskState
 ENTROPY_BINS = 9  # appendix B, entropy discretization
 
 
+class Moment(NamedTuple):
+    """One step of one test, as a recorder sees it."""
+
+    t: jax.Array  # () int32
+    alive: jax.Array  # () bool, false once the test is over: nothing more is to be recorded
+    state: TaskState  # before the step
+    command: jax.Array  # (E,) in [0, 1], in response to the state
+
+
 class Recorder(NamedTuple):
     """How one behaviour is recorded; all functions are for one test."""
 
-    # (task, domain, state, command) -> record of the step, or None
-    record: Callable[[Task, Domain, TaskState, jax.Array], jax.Array | None]
-    # (task, domain, records (T, ...), steps () lived, final state) -> description
-    describe: Callable[[Task, Domain, jax.Array | None, jax.Array, TaskState], jax.Array]
+    start: Callable[[Task, int], Any]  # (task, n_steps) -> empty record
+    update: Callable[[Task, Domain, Any, Moment], Any]  # -> record with one more step
+    finish: Callable[[Task, Domain, Any, TaskState], Any]  # (..., record, final state) -> description
 
 
-def _channels(state: TaskState, command: jax.Array) -> jax.Array:
-    return jnp.concatenate([state.observation, command])
+def _as_it_is(task: Task, domain: Domain, record: Any, final: TaskState) -> Any:
+    return record
 
 
-def _record_bits(task: Task, domain: Domain, state: TaskState, command: jax.Array) -> jax.Array:
-    on = _channels(state, command) >= 0.5
-    return jnp.sum(on * (1 << jnp.arange(on.shape[0])), dtype=jnp.int32).astype(jnp.uint16)
+def _write(buffer: jax.Array, index: jax.Array, value: jax.Array, alive: jax.Array) -> jax.Array:
+    return buffer.at[index].set(jnp.where(alive, value.astype(buffer.dtype), buffer[index]))
 
 
-def _describe_bits(task: Task, domain: Domain, records: jax.Array, steps: jax.Array, final: TaskState) -> jax.Array:
-    return jnp.where(jnp.arange(records.shape[0]) < steps, records, 0)
+def _n_channels(task: Task) -> int:
+    return len(task.sensors) + len(task.effectors)
 
 
-def _record_bins(task: Task, domain: Domain, state: TaskState, command: jax.Array) -> jax.Array:
-    bins = (_channels(state, command) * ENTROPY_BINS).astype(jnp.int32)
-    return jnp.clip(bins, 0, ENTROPY_BINS - 1).astype(jnp.uint8)
+def _channels(moment: Moment) -> jax.Array:
+    return jnp.concatenate([moment.state.observation, moment.command])
 
 
-def _describe_bins(task: Task, domain: Domain, records: jax.Array, steps: jax.Array, final: TaskState) -> jax.Array:
-    lived = jnp.arange(records.shape[0]) < steps
-    hits = [jnp.sum((records == value) & lived[:, None], axis=0) for value in range(ENTROPY_BINS)]
-    return jnp.stack(hits, axis=-1).astype(jnp.int32)
+def _start_bits(task: Task, n_steps: int) -> jax.Array:
+    return jnp.zeros(n_steps, jnp.uint16)
 
 
-def _record_cell(task: Task, domain: Domain, state: TaskState, command: jax.Array) -> jax.Array:
-    return task.position(domain, state).astype(jnp.int16)
+def _update_bits(task: Task, domain: Domain, record: jax.Array, moment: Moment) -> jax.Array:
+    on = _channels(moment) >= 0.5
+    return _write(
+        record, moment.t, jnp.sum(on * (1 << jnp.arange(on.shape[0])), dtype=jnp.int32), moment.alive
+    )
 
 
-def _describe_cells(task: Task, domain: Domain, records: jax.Array, steps: jax.Array, final: TaskState) -> jax.Array:
-    lived = jnp.arange(records.shape[0]) < steps
-    return jnp.where(lived, records, -1)[:: task.trajectory_period]
+def _start_counts(task: Task, n_steps: int) -> jax.Array:
+    return jnp.zeros((_n_channels(task), ENTROPY_BINS), jnp.int32)
 
 
-def _record_nothing(task: Task, domain: Domain, state: TaskState, command: jax.Array) -> None:
-    return None
+def _update_counts(task: Task, domain: Domain, record: jax.Array, moment: Moment) -> jax.Array:
+    bins = jnp.clip((_channels(moment) * ENTROPY_BINS).astype(jnp.int32), 0, ENTROPY_BINS - 1)
+    return record + ((bins[:, None] == jnp.arange(ENTROPY_BINS)) & moment.alive)
 
 
-def _describe_outcome(task: Task, domain: Domain, records: None, steps: jax.Array, final: TaskState) -> jax.Array:
+def _start_cells(task: Task, n_steps: int) -> jax.Array:
+    return jnp.full(-(-n_steps // task.trajectory_period), -1, jnp.int16)
+
+
+def _update_cells(task: Task, domain: Domain, record: jax.Array, moment: Moment) -> jax.Array:
+    sampled = moment.alive & (moment.t % task.trajectory_period == 0)
+    return _write(record, moment.t // task.trajectory_period, task.position(domain, moment.state), sampled)
+
+
+def _start_nothing(task: Task, n_steps: int) -> tuple:
+    return ()
+
+
+def _update_nothing(task: Task, domain: Domain, record: tuple, moment: Moment) -> tuple:
+    return record
+
+
+def _finish_outcome(task: Task, domain: Domain, record: tuple, final: TaskState) -> jax.Array:
     return task.outcome(domain, final)
+
+
+def _start_flow(task: Task, n_steps: int) -> tuple[jax.Array, jax.Array]:
+    return jnp.zeros((n_steps, len(task.sensors))), jnp.zeros((n_steps, len(task.effectors)))
+
+
+def _update_flow(task: Task, domain: Domain, record: tuple, moment: Moment) -> tuple[jax.Array, jax.Array]:
+    observations, commands = record
+    return (
+        _write(observations, moment.t, moment.state.observation, moment.alive),
+        _write(commands, moment.t, moment.command, moment.alive),
+    )
 
 
 RECORDERS = {
     # (T,) uint16: sensors and effectors binarised at half range, a bit each; 0 once the test is over
-    "hamming": Recorder(_record_bits, _describe_bits),
+    "hamming": Recorder(_start_bits, _update_bits, _as_it_is),
     # (S + E, 9) int32: how often each channel was in each of nine bins
-    "entropy": Recorder(_record_bins, _describe_bins),
+    "entropy": Recorder(_start_counts, _update_counts, _as_it_is),
     # (T / trajectory_period,) int16: cells of the discretised trajectory; -1 once the test is over
-    "trajectory": Recorder(_record_cell, _describe_cells),
+    "trajectory": Recorder(_start_cells, _update_cells, _as_it_is),
     # (k,) float32: the task's own outcome, for instance where the balls are in the end
-    "adhoc": Recorder(_record_nothing, _describe_outcome),
+    "adhoc": Recorder(_start_nothing, _update_nothing, _finish_outcome),
 }
+
+# The whole sensori-motor flow: observations (T, S) and commands (T, E)
+FLOW = Recorder(_start_flow, _update_flow, _as_it_is)

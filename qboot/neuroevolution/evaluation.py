@@ -5,15 +5,16 @@ Shape letters: B controllers, n tests (domains x tests per domain), L = B n lane
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Domain, Task, TaskState
+from qboot.envs.types import Domain, Task
 from qboot.neuroevolution import dnn
-from qboot.neuroevolution.behaviour import RECORDERS, Recorder
+from qboot.neuroevolution.behaviour import Moment, Recorder
 from qboot.neuroevolution.dnn import Genome, Network, Topology
 
 # Steps between two looks at whether any lane still runs.
@@ -27,15 +28,7 @@ class Evaluation(NamedTuple):
 
     scores: jax.Array  # (B, n) rewards earned in each test, in units of the task's reward
     steps: jax.Array  # (B, n) int32 steps lived
-    behaviours: jax.Array  # (B, n, ...) descriptions by the recorder
-
-
-class Trace(NamedTuple):
-    """The sensori-motor flow of B controllers (paper, section IV-A)."""
-
-    observations: jax.Array  # (B, n, T, S)
-    commands: jax.Array  # (B, n, T, E), each in response to the observation of the same step
-    steps: jax.Array  # (B, n) int32: what comes after the first `steps` steps is no part of the flow
+    descriptions: Any  # (B, n, ...) by the recorder
 
 
 def tests_of(task: Task, domains: Domain) -> tuple[Domain, int]:
@@ -45,90 +38,78 @@ def tests_of(task: Task, domains: Domain) -> tuple[Domain, int]:
 
 
 def run(
-    task: Task, recorder: Recorder, networks: Network, domains: Domain, keys: jax.Array, n_steps: int
-) -> tuple[TaskState, jax.Array, jax.Array, jax.Array | None]:
-    """Run L networks, each in its own domain, until `n_steps` or until all are done.
+    task: Task, recorder: Recorder, networks: Network, domains: Domain, keys: jax.Array
+) -> tuple[Any, jax.Array, jax.Array]:
+    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done.
 
     Args:
         task: the task.
-        recorder: what to record at each step.
+        recorder: what to keep of each test.
         networks: leading axis L.
         domains: leading axis L.
         keys: (L,) random keys for the starts.
-        n_steps: T, steps at most.
 
     Returns:
-        Final states (L, ...), rewards (L,), steps lived (L,) int32, and records (T, L, ...).
+        Descriptions by the recorder (L, ...), rewards (L,), steps lived (L,) int32.
     """
-    n_effectors = len(task.effectors)
-    chunk = min(CHUNK, n_steps)
-    n_chunks = -(-n_steps // chunk)
 
     def step(carry, t):
-        states, activities, rewards, steps = carry
+        states, activities, rewards, steps, records = carry
         alive = ~states.done & (t < n_steps)
         # Every lane has its own weights, repeated if need be: a batch of matrix-vector products stays inside the
         # one kernel that the loop compiles to, a product with shared weights does not.
         activities = jax.vmap(dnn.step)(networks, activities, states.observation)
-        commands = activities[:, :n_effectors]
-        record = jax.vmap(lambda d, s, c: recorder.record(task, d, s, c))(domains, states, commands)
+        commands = activities[:, : len(task.effectors)]
+        moments = Moment(t, alive, states, commands)
+        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, Moment(None, 0, 0, 0)))(
+            domains, records, moments
+        )
         after = jax.vmap(task.step)(domains, states, commands)
         if n_steps % chunk:  # the last chunk runs over the end
-            after = jax.tree.map(lambda a, b: jnp.where(_expand(alive, a), a, b), after, states)
-        rewards += jnp.where(alive, after.reward, 0.0)
-        return (after, activities, rewards, steps + alive), record
+            after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, states)
+        return (
+            after,
+            activities,
+            rewards + jnp.where(alive, after.reward, 0.0),
+            steps + alive,
+            records,
+        ), None
 
     def run_chunk(carry):
-        inner, records, i = carry
-        inner, new = jax.lax.scan(step, inner, i * chunk + jnp.arange(chunk))
-        records = jax.tree.map(
-            lambda all, part: jax.lax.dynamic_update_slice_in_dim(all, part, i * chunk, axis=0), records, new
-        )
-        return inner, records, i + 1
+        inner, i = carry
+        return jax.lax.scan(step, inner, i * chunk + jnp.arange(chunk))[0], i + 1
 
+    def goes_on(carry):
+        (states, *_), i = carry
+        return (i < n_chunks) & ~jnp.all(states.done)
+
+    n_steps = task.max_steps
+    chunk = min(CHUNK, n_steps)
+    n_chunks = -(-n_steps // chunk)
+    n_lanes = len(keys)
     states = jax.vmap(task.reset)(keys, domains)
-    n_lanes = len(states.done)
-    inner = (states, jax.vmap(dnn.rest)(networks), jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32))
-    shapes = jax.eval_shape(step, inner, jnp.int32(0))[1]
-    records = jax.tree.map(lambda leaf: jnp.zeros((n_chunks * chunk, *leaf.shape), leaf.dtype), shapes)
-    inner, records, _ = jax.lax.while_loop(
-        lambda carry: (carry[2] < n_chunks) & ~jnp.all(carry[0][0].done), run_chunk, (inner, records, jnp.int32(0))
+    records = jax.tree.map(
+        lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, n_steps)
     )
-    states, _, rewards, steps = inner
-    return states, rewards, steps, jax.tree.map(lambda leaf: leaf[:n_steps], records)
+    inner = (states, jax.vmap(dnn.rest)(networks), jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
+    states, _, rewards, steps, records = jax.lax.while_loop(goes_on, run_chunk, (inner, jnp.int32(0)))[0]
+    return jax.vmap(partial(recorder.finish, task))(domains, records, states), rewards, steps
 
 
 def evaluate(
-    task: Task, topology: Topology, behaviour: str, genomes: Genome, domains: Domain, keys: jax.Array, n_steps: int
+    task: Task, topology: Topology, recorder: Recorder, genomes: Genome, domains: Domain, keys: jax.Array
 ) -> Evaluation:
-    """Evaluate B genomes, one episode each: `keys` (B,) decide the starts, `behaviour` names the recorder."""
-    recorder = RECORDERS[behaviour]
-    lanes = _lanes(task, topology, genomes, domains, keys)
-    states, rewards, steps, records = run(task, recorder, *lanes, n_steps)
-    behaviours = jax.vmap(
-        lambda d, r, n, s: recorder.describe(task, d, r, n, s),
-        in_axes=(0, None if records is None else 1, 0, 0),
-    )(lanes[1], records, steps, states)
-    n_controllers = len(keys)
-
-    def by_controller(leaf: jax.Array) -> jax.Array:
-        return leaf.reshape(n_controllers, -1, *leaf.shape[1:])
-
-    return Evaluation(by_controller(rewards / task.reward), by_controller(steps), by_controller(behaviours))
-
-
-def trace(
-    task: Task, topology: Topology, genomes: Genome, domains: Domain, keys: jax.Array, n_steps: int
-) -> Trace:
-    """Run B genomes again as `evaluate` did and keep all that they sensed and commanded."""
-    recorder = Recorder(lambda task, domain, state, command: (state.observation, command), lambda *_: None)
-    lanes = _lanes(task, topology, genomes, domains, keys)
-    _, _, steps, records = run(task, recorder, *lanes, n_steps)
-    n_controllers = len(keys)
-    observations, commands = (
-        jnp.moveaxis(leaf, 0, 1).reshape(n_controllers, -1, n_steps, leaf.shape[-1]) for leaf in records
+    """Evaluate B genomes, one episode each; `keys` (B,) decide the starts."""
+    tests, n_tests = tests_of(task, domains)
+    networks = jax.vmap(lambda genome: dnn.express(genome, topology))(genomes)
+    networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_tests, axis=0), networks)
+    lanes = jax.tree.map(lambda leaf: jnp.tile(leaf, (len(keys),) + (1,) * (leaf.ndim - 1)), tests)
+    test_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_tests)))(
+        keys
     )
-    return Trace(observations, commands, steps.reshape(n_controllers, -1))
+    descriptions, rewards, steps = run(task, recorder, networks, lanes, test_keys.reshape(-1))
+    result = Evaluation(rewards / task.reward, steps, descriptions)
+    return jax.tree.map(lambda leaf: leaf.reshape(len(keys), n_tests, *leaf.shape[1:]), result)
 
 
 def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
@@ -154,16 +135,6 @@ def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
         with ThreadPoolExecutor(workers) as pool:
             results = list(pool.map(call, starts))
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *results)
-
-
-def _lanes(task: Task, topology: Topology, genomes: Genome, domains: Domain, keys: jax.Array):
-    """Networks, domains and keys of the L = B n lanes, the tests of a controller side by side."""
-    tests, n_tests = tests_of(task, domains)
-    networks = jax.vmap(lambda genome: dnn.express(genome, topology))(genomes)
-    networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_tests, axis=0), networks)
-    lanes = jax.tree.map(lambda leaf: jnp.tile(leaf, (len(keys),) + (1,) * (leaf.ndim - 1)), tests)
-    test_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_tests)))(keys)
-    return networks, lanes, test_keys.reshape(-1)
 
 
 def _expand(mask: jax.Array, like: jax.Array) -> jax.Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from qboot.envs.types import Domain, Task
 from qboot.neuroevolution import dnn, evaluation, nsga2, variation
+from qboot.neuroevolution.behaviour import RECORDERS
 from qboot.neuroevolution.diversity import DIVERSITIES
 from qboot.neuroevolution.dnn import Genome, Topology
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors
@@ -46,7 +47,9 @@ class EvolutionSettings:
             raise ValueError(f"generations is {self.generations}: it must not be negative")
         unknown = set(self.diversities) - set(DIVERSITIES)
         if unknown or not self.diversities:
-            raise ValueError(f"diversities must be among {', '.join(DIVERSITIES)}, not {sorted(unknown) or 'none'}")
+            raise ValueError(
+                f"diversities must be among {', '.join(DIVERSITIES)}, not {sorted(unknown) or 'none'}"
+            )
 
 
 class Problem(NamedTuple):
@@ -54,7 +57,6 @@ class Problem(NamedTuple):
 
     task: Task
     domains: Domain
-    n_steps: int  # of a test at most
     settings: EvolutionSettings
     topology: Topology
     key: jax.Array
@@ -82,7 +84,7 @@ class EvolveInfo(NamedTuple):
     median: float
     mean: float
     diversity: str  # distance in force
-    lived: float  # share of n_steps that children lived on average
+    lived: float  # share of max_steps that the newborn lived on average
     connections: float  # mean of the population
     hidden: float  # mean of the population
     refused: int  # mutations refused for want of room
@@ -124,7 +126,9 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
     if diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation):
         state = state._replace(behaviours=describe(problem, state.population, generation))
     ids = state.next_id + np.arange(n)
-    chosen = jax.device_get(_tournament(_key(problem, "tournament", generation), state.ranks, state.crowding, n))
+    chosen = jax.device_get(
+        _tournament(_key(problem, "tournament", generation), state.ranks, state.crowding, n)
+    )
     parents = state.population.take(chosen)
     genomes, refused = jax.device_get(
         _mutants(_keys(problem, "mutation", ids), parents.genomes, problem.topology, problem.settings.rates)
@@ -139,7 +143,7 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
 
 def describe(problem: Problem, individuals: Individuals, generation: int) -> np.ndarray:
     """Behaviours of individuals for the distance in force in `generation`, by running them again, to the bit."""
-    return _evaluate(problem, individuals.genomes, individuals.ids, generation).behaviours
+    return _evaluate(problem, individuals.genomes, individuals.ids, generation).descriptions
 
 
 def pareto_front(state: EvolveState) -> Individuals:
@@ -147,7 +151,9 @@ def pareto_front(state: EvolveState) -> Individuals:
     return state.population.take(state.ranks == state.ranks.min())
 
 
-def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray) -> EvolveState:
+def _survive(
+    problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray
+) -> EvolveState:
     """Selection: objectives, ranks and crowding over everyone; the archive keeps the survivors' ancestors."""
     diversity = DIVERSITIES[diversity_in_force(problem, state.generation)](behaviours)
     objectives = np.stack([everyone.scores, np.asarray(diversity)], axis=1)
@@ -171,19 +177,24 @@ def _evaluated(problem, genomes, ids, parents, generation) -> tuple[Individuals,
     individuals = Individuals(
         genomes, ids, parents, np.full(len(ids), generation, np.int32), result.scores.sum(axis=1)
     )
-    return individuals, result.behaviours, float(result.steps.mean() / problem.n_steps)
+    return individuals, result.descriptions, float(result.steps.mean() / problem.task.max_steps)
 
 
 def _evaluate(problem: Problem, genomes: Genome, ids: np.ndarray, generation: int) -> evaluation.Evaluation:
     """Evaluate with starts that depend on the individual alone, so that it can be done again."""
     behaviour = diversity_in_force(problem, generation)
-    function = partial(_compiled, problem.task, problem.topology, behaviour, problem.n_steps, problem.domains)
-    return evaluation.in_blocks(function, problem.workers, genomes, _keys(problem, "evaluation", ids))
+    function = partial(_compiled, problem.task, problem.topology, behaviour, problem.domains)
+    return evaluation.in_blocks(function, problem.workers, genomes, evaluation_keys(problem, ids))
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2, 3))
-def _compiled(task, topology, behaviour, n_steps, domains, genomes, keys):
-    return evaluation.evaluate(task, topology, behaviour, genomes, domains, keys, n_steps)
+def evaluation_keys(problem: Problem, ids: np.ndarray) -> jax.Array:
+    """The random keys (B,) that individuals are evaluated with, whenever that is."""
+    return _keys(problem, "evaluation", ids)
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _compiled(task, topology, behaviour, domains, genomes, keys):
+    return evaluation.evaluate(task, topology, RECORDERS[behaviour], genomes, domains, keys)
 
 
 @partial(jax.jit, static_argnums=1)

@@ -94,5 +94,7 @@ def tournament(key: jax.Array, ranks: jax.Array, crowding: jax.Array, n: int) ->
 def _checked(objectives: jax.Array) -> jax.Array:
     objectives = jnp.asarray(objectives)
     if objectives.ndim != 2 or objectives.shape[0] == 0 or objectives.shape[1] == 0:
-        raise ValueError(f"objectives must have shape (individuals, objectives), both at least 1, not {objectives.shape}")
+        raise ValueError(
+            f"objectives must have shape (individuals, objectives), both at least 1, not {objectives.shape}"
+        )
     return objectives

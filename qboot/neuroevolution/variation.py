@@ -33,12 +33,21 @@ class MutationRates:
 
     def __post_init__(self):
         """Reject what is no probability."""
-        for name in ("weight", "rewire", "add_connection", "remove_connection", "add_neuron", "remove_neuron"):
+        for name in (
+            "weight",
+            "rewire",
+            "add_connection",
+            "remove_connection",
+            "add_neuron",
+            "remove_neuron",
+        ):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"mutation rate {name} is {getattr(self, name)}: it must lie in [0, 1]")
 
 
-def mutate(key: jax.Array, genome: Genome, topology: Topology, rates: MutationRates) -> tuple[Genome, jax.Array]:
+def mutate(
+    key: jax.Array, genome: Genome, topology: Topology, rates: MutationRates
+) -> tuple[Genome, jax.Array]:
     """A mutated copy of a genome and the number () int32 of mutations refused for want of room."""
     keys = jax.random.split(key, 11)
     genome = mutate_weights(keys[0], genome, topology, rates)
@@ -110,7 +119,9 @@ def rewire(key: jax.Array, genome: Genome, topology: Topology) -> tuple[Genome, 
     slot, any_connection = _choose(key_which, genome.connected)
     source, target = genome.sources[slot], genome.targets[slot]
     without = _clear(genome, jnp.arange(len(genome.connected)) == slot)
-    rows, columns = jnp.meshgrid(jnp.arange(topology.n_computing), jnp.arange(topology.n_neurons), indexing="ij")
+    rows, columns = jnp.meshgrid(
+        jnp.arange(topology.n_computing), jnp.arange(topology.n_neurons), indexing="ij"
+    )
     same_target, same_source = rows == target - topology.n_inputs, columns == source
     end = jnp.where(jax.random.bernoulli(key_end), same_target, same_source) & ~(same_target & same_source)
     index, possible = _choose(key_where, (allowed_connections(without, topology) & end).reshape(-1))
@@ -195,6 +206,4 @@ def _put(genome: Genome, slot: jax.Array, source: jax.Array, target: jax.Array, 
 
 def _clear(genome: Genome, slots: jax.Array) -> Genome:
     """The genome without the connections in `slots` (C,) bool."""
-    return genome._replace(
-        connected=genome.connected & ~slots, weights=jnp.where(slots, 0.0, genome.weights)
-    )
+    return genome._replace(connected=genome.connected & ~slots, weights=jnp.where(slots, 0.0, genome.weights))

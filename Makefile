@@ -1,0 +1,36 @@
+# make reproduce | test | test-slow | bench | lint; see README.md
+PYTHON ?= python3
+PROFILE ?= quick
+TASK ?=
+OUT ?= results/$(PROFILE)
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: reproduce test test-slow bench lint clean
+.DEFAULT_GOAL := reproduce
+
+# The stamp is newer than pyproject.toml as long as what is installed is what it asks for.
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "qboot needs Python 3.11 or newer, this is " + sys.version.split()[0] + ": make PYTHON=python3.12 ...")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+reproduce: $(VENV)/installed
+	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) --out $(OUT)
+
+test: $(VENV)/installed
+	$(BIN)/pytest
+
+test-slow: $(VENV)/installed
+	$(BIN)/pytest -m slow
+
+bench: $(VENV)/installed
+	$(BIN)/python -m experiments.bench
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+clean:
+	rm -rf $(VENV) results

@@ -1,0 +1,113 @@
+"""Fuzzy c-means (paper, section IV-C; Bezdek 1981). Shape letters: n points, D features, c clusters."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+# Choosing the first centres needs no more points than this, however many there are to cluster.
+MAX_INITIAL_POINTS = 20_000
+# Squared distance (in units of the data's variance) below which a point counts as lying on a centre.
+ON_CENTRE = 1e-30
+
+
+class Clustering(NamedTuple):
+    """What fuzzy c-means found."""
+
+    centres: np.ndarray  # (c, D) float64
+    memberships: np.ndarray  # (n, c) float32, rows sum to 1
+    iterations: int  # updates of the centres
+
+
+def fuzzy_c_means(
+    points: np.ndarray,
+    n_clusters: int,
+    m: float,
+    seed: int,
+    *,
+    max_iterations: int = 300,
+    tolerance: float = 1e-4,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (c, D) and memberships (n, c) of fuzzy clusters: `cluster` without the count of iterations."""
+    found = cluster(points, n_clusters, m, seed, max_iterations=max_iterations, tolerance=tolerance)
+    return found.centres, found.memberships
+
+
+def cluster(
+    points: np.ndarray,
+    n_clusters: int,
+    m: float,
+    seed: int,
+    *,
+    max_iterations: int = 300,
+    tolerance: float = 1e-4,
+) -> Clustering:
+    """Minimise sum_ij u_ij^m |x_i - c_j|^2 over centres c and memberships u, from k-means++ centres.
+
+    Args:
+        points: (n, D) finite.
+        n_clusters: c, 1 .. n.
+        m: fuzziness, > 1. Near 1 it is k-means; the larger, the more the centres draw together. With m = 2 in
+            several dimensions many of them coincide.
+        seed: decides the first centres.
+        max_iterations: updates of the centres at most, >= 1.
+        tolerance: stop when no coordinate of a centre moves by more than this times the largest standard
+            deviation of a feature, >= 0. (A norm of the change of memberships would grow with their number.)
+
+    Raises:
+        ValueError: when an argument lies outside the range given above.
+    """
+    points = np.asarray(points, np.float64)
+    _check(points, n_clusters, m, max_iterations, tolerance)
+    # Single precision is enough once the data are centred and have a spread of 1.
+    origin, unit = points.mean(axis=0), points.std(axis=0).max() or 1.0
+    points = ((points - origin) / unit).astype(np.float32)
+    centres = jnp.asarray(_initial_centres(points, n_clusters, seed))
+    points = jnp.asarray(points)
+    for iteration in range(1, max_iterations + 1):  # noqa: B007 (the last value is a result)
+        centres, moved = _update(points, centres, m)
+        if moved <= tolerance:
+            break
+    memberships = jnp.exp(_log_memberships(points, centres, m))
+    return Clustering(np.asarray(centres, np.float64) * unit + origin, np.asarray(memberships), iteration)
+
+
+def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarray:
+    from sklearn.cluster import kmeans_plusplus  # takes a second to import: only those who cluster pay
+
+    n_enough = max(MAX_INITIAL_POINTS, n_clusters)
+    if len(points) > n_enough:
+        points = points[np.random.default_rng(seed).choice(len(points), n_enough, replace=False)]
+    return kmeans_plusplus(points, n_clusters, random_state=seed)[0]
+
+
+@jax.jit
+def _update(points: jax.Array, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
+    """Centres as means weighted by memberships^m, and the largest move of a coordinate."""
+    weights = jnp.exp(m * _log_memberships(points, centres, m))
+    total = jnp.maximum(weights.sum(axis=0), jnp.finfo(weights.dtype).tiny)
+    updated = weights.T @ points / total[:, None]
+    return updated, jnp.abs(updated - centres).max()
+
+
+@jax.jit
+def _log_memberships(points: jax.Array, centres: jax.Array, m: float) -> jax.Array:
+    """Logarithms (n, c) of u_ij = d_ij^(-2/(m-1)) / sum_k d_ik^(-2/(m-1)); the powers would overflow."""
+    squared = jnp.square(points[:, None, :] - centres[None, :, :]).sum(axis=-1)
+    return jax.nn.log_softmax(-jnp.log(jnp.maximum(squared, ON_CENTRE)) / (m - 1), axis=1)
+
+
+def _check(points: np.ndarray, n_clusters: int, m: float, max_iterations: int, tolerance: float) -> None:
+    if points.ndim != 2 or not points.size:
+        raise ValueError(f"points must have shape (points, features), both at least 1, got {points.shape}.")
+    if not np.isfinite(points).all():
+        raise ValueError("points must be finite: they hold NaN or infinite values.")
+    if not 1 <= n_clusters <= len(points):
+        raise ValueError(f"n_clusters must lie between 1 and the {len(points)} points, got {n_clusters}.")
+    if not m > 1:
+        raise ValueError(f"m must be greater than 1, got {m}.")
+    if max_iterations < 1:
+        raise ValueError(f"max_iterations must be at least 1, got {max_iterations}.")
+    if not tolerance >= 0:
+        raise ValueError(f"tolerance must not be negative, got {tolerance}.")

@@ -1,0 +1,89 @@
+"""Cutting a flow of commands into linear segments (paper, section IV-C).
+
+Shape letters: E effectors, T steps, n segments.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Segments(NamedTuple):
+    """Linear models of the pieces of a flow, equation 5: Delta(t) = slope t + intercept, t = 0 .. d - 1."""
+
+    slopes: np.ndarray  # (n, E) float64, per step
+    intercepts: np.ndarray  # (n, E) float64, value at the segment's first step
+    durations: np.ndarray  # (n,) int64 steps, >= 1
+
+
+def split_points(commands: np.ndarray) -> np.ndarray:
+    """The paper's SPLIT POINTS: the steps at which a new action starts.
+
+    A step is a candidate where the second derivative (mean of the absolute values over the effectors) exceeds
+    its own mean over the flow. Of two candidates in a row the weaker is dropped (the first, when equal);
+    of three or more only the first and the last are kept, so that a fast oscillation becomes one action.
+
+    Args:
+        commands: (E, T) values sent to the effectors.
+
+    Returns:
+        (T,) bool. The first and the last step, which have no second derivative, are never split points.
+
+    Raises:
+        ValueError: if `commands` is not two-dimensional, is empty or is not finite.
+    """
+    commands = _checked(commands)
+    strength = np.zeros(commands.shape[1])
+    # u(t-1) - 2 u(t) + u(t+1) as differences of differences: both sides of a sudden change are exactly equal.
+    strength[1:-1] = np.abs(np.diff(commands, n=2)).mean(axis=0)
+    candidate = strength > strength.mean()
+
+    # Runs of candidates never touch the ends of the flow, so their starts and their ends alternate.
+    change = np.flatnonzero(np.diff(candidate)) + 1
+    first, last = change[::2], change[1::2] - 1
+    pair = last == first + 1
+    weaker_last = strength[last] < strength[first]
+    points = np.zeros(len(candidate), bool)
+    points[first[~pair | weaker_last]] = True
+    points[last[~pair | ~weaker_last]] = True
+    return points
+
+
+def linear_segments(commands: np.ndarray) -> Segments:
+    """Least-squares lines between successive split points; the first segment starts at 0, the last ends at T.
+
+    Args:
+        commands: (E, T) values sent to the effectors.
+
+    Returns:
+        One more segment than there are split points; durations sum to T. A segment of one step has slope 0.
+
+    Raises:
+        ValueError: as `split_points`.
+    """
+    commands = _checked(commands)
+    starts = np.append(0, np.flatnonzero(split_points(commands)))
+    durations = np.diff(np.append(starts, commands.shape[1]))
+    middle = (durations - 1) / 2
+    time = np.arange(commands.shape[1]) - np.repeat(starts + middle, durations)  # 0 amid each segment
+    spread = durations * (durations**2 - 1) / 12  # sum of time squared
+    moment = np.add.reduceat(commands * time, starts, axis=1)
+    slopes = moment / np.where(durations > 1, spread, 1)
+    means = np.add.reduceat(commands, starts, axis=1) / durations
+    return Segments(slopes.T, (means - slopes * middle).T, durations)
+
+
+def join_segments(parts: list[Segments]) -> Segments:
+    """The segments of several flows as one; raises `ValueError` when there is none."""
+    if not parts:
+        raise ValueError("no segments to join: at least one flow of commands is needed.")
+    return Segments(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+
+def _checked(commands: np.ndarray) -> np.ndarray:
+    commands = np.asarray(commands, np.float64)
+    if commands.ndim != 2 or not commands.size:
+        raise ValueError(f"commands must be (effectors, steps), both at least 1, got shape {commands.shape}.")
+    if not np.isfinite(commands).all():
+        raise ValueError("commands must be finite: they hold NaN or infinite values.")
+    return commands

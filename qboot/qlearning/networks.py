@@ -1,0 +1,99 @@
+"""The Q-function: one small multilayer perceptron per action (sections III-A and IV-E).
+
+All networks are stacked on a leading axis A. The weights are laid out (A, H, I), neuron by neuron, because
+that is the order in which XLA multiplies a matrix by one vector fastest on a CPU: 4 us for all 17 networks of
+125 neurons and 40 inputs, against 18 us and more for the (A, I, H) order of common layer libraries.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+from jax import lax
+
+STEEPNESS = 0.5  # of every neuron, as in the FANN library that the authors used
+INITIAL_WEIGHT = 0.1  # weights and biases start uniform in [-0.1, 0.1]
+
+
+class QNetworks(NamedTuple):
+    """The networks of all actions; without the leading axis A, the network of one action."""
+
+    hidden_weights: jax.Array  # (A, H, I)
+    hidden_biases: jax.Array  # (A, H)
+    output_weights: jax.Array  # (A, H)
+    output_biases: jax.Array  # (A,)
+
+
+@partial(jax.jit, static_argnames=("n_actions", "n_inputs", "hidden"))
+def init_networks(key: jax.Array, n_actions: int, n_inputs: int, hidden: int) -> QNetworks:
+    """Draw the networks of `n_actions` actions.
+
+    The weights of action a and input i depend on the key, a, i and `hidden` alone. Padding a set of actions
+    or of inputs therefore leaves the weights of the others as they are.
+    """
+    draw = partial(jax.random.uniform, minval=-INITIAL_WEIGHT, maxval=INITIAL_WEIGHT)
+
+    def keys(key: jax.Array, n: int) -> jax.Array:
+        return jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(n))
+
+    def network(key: jax.Array) -> QNetworks:
+        input_key, bias_key, output_key, output_bias_key = jax.random.split(key, 4)
+        columns = jax.vmap(lambda key: draw(key, (hidden,)))(keys(input_key, n_inputs))
+        return QNetworks(
+            hidden_weights=columns.T,
+            hidden_biases=draw(bias_key, (hidden,)),
+            output_weights=draw(output_key, (hidden,)),
+            output_biases=draw(output_bias_key),
+        )
+
+    return jax.vmap(network)(keys(key, n_actions))
+
+
+def q_value(network: QNetworks, inputs: jax.Array) -> jax.Array:
+    """Return the value () that the network of one action gives to a state, inputs (I,)."""
+    hidden = jnp.tanh(STEEPNESS * (network.hidden_weights @ inputs + network.hidden_biases))
+    return STEEPNESS * (network.output_weights @ hidden + network.output_biases)
+
+
+q_values = jax.vmap(q_value, in_axes=(0, None))
+"""Values (A,) of all actions in one state: (networks, inputs (I,)) -> (A,)."""
+
+
+def network_of(networks: QNetworks, action: jax.Array) -> QNetworks:
+    """Return the network of one action, () int32."""
+    return jax.tree.map(lambda leaf: lax.dynamic_index_in_dim(leaf, action, keepdims=False), networks)
+
+
+def train(
+    networks: QNetworks,
+    action: jax.Array,
+    inputs: jax.Array,
+    target: jax.Array,
+    alpha: float,
+    active: jax.Array,
+) -> tuple[QNetworks, jax.Array]:
+    """Take one step of gradient descent on (target - Q(s, a))^2 / 2 with the network of the executed action.
+
+    Where `active`, () bool, is false, nothing changes. Only one network is written back, so that the cost
+    does not grow with the number of actions. Returns the networks and the error target - Q(s, a) before the
+    step.
+    """
+    network = network_of(networks, action)
+
+    def loss(network: QNetworks) -> tuple[jax.Array, jax.Array]:
+        error = target - q_value(network, inputs)
+        return jnp.square(error) / 2, error
+
+    gradient, error = jax.grad(loss, has_aux=True)(network)
+    descent = optax.sgd(alpha)
+    updates, _ = descent.update(gradient, descent.init(network))
+    trained = optax.apply_updates(network, updates)
+    written = jax.tree.map(
+        lambda leaf, new, old: lax.dynamic_update_index_in_dim(leaf, jnp.where(active, new, old), action, 0),
+        networks,
+        trained,
+        network,
+    )
+    return written, error

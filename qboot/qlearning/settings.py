@@ -1,0 +1,53 @@
+"""The learner's settings: section IV-E and appendix B of the paper."""
+
+from dataclasses import dataclass
+
+HISTORIES = ("steps", "decisions")
+
+
+@dataclass(frozen=True)
+class LearnerSettings:
+    """Everything that decides how one learner learns; hashable, so that it can be a static argument.
+
+    Raises `ValueError` when a value lies outside the range given under it.
+    """
+
+    gamma: float
+    """Discount per primitive step, in [0, 1] (0.9991 for ball collecting, 0.99 for box pushing)."""
+
+    alpha: float
+    """Learning rate of gradient descent, > 0 (0.001 for ball collecting, 0.1 for box pushing)."""
+
+    hidden: int
+    """Hidden neurons of each action's network, >= 1 (125 for ball collecting, 35 for box pushing)."""
+
+    epsilon_start: float = 0.15
+    """Probability of a random action that the schedule starts from, in [0, 1]."""
+
+    epsilon_end: float = 0.01
+    """Probability of a random action that the schedule tends to, in [0, 1]."""
+
+    epsilon_stepness: float = 0.99
+    """Factor per episode of the distance between start and end, in [0, 1]."""
+
+    eta: int = 3
+    """Trajectories kept for replay in each domain, >= 0."""
+
+    history: str = "steps"
+    """What a lag counts: primitive "steps" (the paper's o(t - k)) or "decisions" (one per action)."""
+
+    lags: int = 12
+    """Observations remembered, the current one included, >= 1: the largest lag that an input may have."""
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
+        for name in ("gamma", "epsilon_start", "epsilon_end", "epsilon_stepness"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must lie in [0, 1], got {getattr(self, name)}.")
+        if not self.alpha > 0:
+            raise ValueError(f"alpha must be positive, got {self.alpha}.")
+        for name, least in (("hidden", 1), ("lags", 1), ("eta", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}.")
+        if self.history not in HISTORIES:
+            raise ValueError(f"history must be one of {HISTORIES}, got {self.history!r}.")

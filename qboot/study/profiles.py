@@ -1,0 +1,109 @@
+"""Profiles: how large a study is. They scale sizes alone; every other parameter is the paper's (appendix B)."""
+
+from dataclasses import dataclass
+
+from qboot.envs import TASKS
+from qboot.extraction.actions import ActionSettings
+from qboot.extraction.sensors import SensorSettings
+from qboot.neuroevolution.dnn import Topology
+from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.qlearning.settings import LearnerSettings
+from qboot.study.runs import RunSettings
+
+
+@dataclass(frozen=True)
+class Size:
+    """Sizes of one task in one profile."""
+
+    runs_per_source: int
+    sources: tuple[str, ...]
+    population: int
+    generations: int
+    n_steps: int
+    horizon: int
+    episodes: int
+    target_episodes: int
+    target_generations: int
+
+
+PROFILES = {
+    # Every stage, every figure, in minutes: shows that all works, says nothing about the method.
+    "smoke": {
+        "ball_collecting": Size(1, ("A",), 16, 4, 400, 4, 6, 4, 2),
+        "box_pushing": Size(1, ("A",), 16, 4, 100, 4, 6, 4, 2),
+    },
+    # Curves that rise, on two cores, while one has a coffee.
+    "quick": {
+        "ball_collecting": Size(1, ("A", "B"), 128, 160, 4_000, 60, 200, 100, 30),
+        "box_pushing": Size(2, ("A",), 128, 40, 300, 40, 200, 200, 20),
+    },
+    # A night on a desktop.
+    "standard": {
+        "ball_collecting": Size(4, ("A", "B", "C"), 128, 600, 10_000, 500, 2_000, 2_000, 300),
+        "box_pushing": Size(10, ("A",), 128, 400, 300, 500, 2_000, 2_000, 300),
+    },
+    # As printed: 30 runs a task; ER on the target set up to the paper's median.
+    "paper": {
+        "ball_collecting": Size(10, ("A", "B", "C"), 128, 1_000, 10_000, 500, 5_000, 10_000, 2_500),
+        "box_pushing": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 2_000),
+    },
+}
+
+N_ACTIONS = {"ball_collecting": 17, "box_pushing": 7}
+LEARNERS = {
+    "ball_collecting": LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125),
+    "box_pushing": LearnerSettings(gamma=0.99, alpha=0.1, hidden=35),
+}
+
+
+def size_of(task: str, profile: str) -> Size:
+    """Sizes of a task in a profile.
+
+    Raises:
+        ValueError: for an unknown task or profile.
+    """
+    if profile not in PROFILES:
+        raise ValueError(f"unknown profile {profile!r}: choose one of {', '.join(PROFILES)}")
+    if task not in PROFILES[profile]:
+        raise ValueError(f"unknown task {task!r}: choose one of {', '.join(PROFILES[profile])}")
+    return PROFILES[profile][task]
+
+
+def settings_of(task: str, profile: str, source: str, seed: int) -> RunSettings:
+    """All settings of one run.
+
+    Raises:
+        ValueError: for an unknown task, profile or source, or a negative seed.
+    """
+    size = size_of(task, profile)
+    if source not in TASKS[task].sources:
+        raise ValueError(
+            f"unknown source {source!r} of {task}: choose one of {', '.join(TASKS[task].sources)}"
+        )
+    return RunSettings(
+        task=task,
+        source=source,
+        seed=seed,
+        profile=profile,
+        n_steps=size.n_steps,
+        topology=Topology(feed_forward=TASKS[task].feed_forward),
+        evolution=EvolutionSettings(
+            population=size.population, generations=size.generations, horizon=size.horizon
+        ),
+        actions=ActionSettings(n_actions=N_ACTIONS[task]),
+        sensors=SensorSettings(),
+        learner=LEARNERS[task],
+        episodes=size.episodes,
+        target_episodes=size.target_episodes,
+        target_generations=size.target_generations,
+    )
+
+
+def runs_of(task: str, profile: str) -> list[RunSettings]:
+    """The settings of all runs of a task in a profile."""
+    size = size_of(task, profile)
+    return [
+        settings_of(task, profile, source, seed)
+        for source in size.sources
+        for seed in range(size.runs_per_source)
+    ]

@@ -1,0 +1,49 @@
+"""How far a stage is: a bar with time left for people, or a small file for the runner that started the stage."""
+
+import json
+import os
+import time
+from pathlib import Path
+from types import TracebackType
+
+from tqdm import tqdm
+
+# A runner that shows the progress of several stages names the file in this variable.
+STATUS_VARIABLE = "QBOOT_STATUS"
+SECONDS_BETWEEN_REPORTS = 0.5
+
+
+class Progress:
+    """Progress of one stage; use it as a context."""
+
+    def __init__(self, label: str, total: int, done: int = 0):
+        status = os.environ.get(STATUS_VARIABLE)
+        self._status = Path(status) if status else None
+        self._label, self._total = label, total
+        self._reported = 0.0
+        self._bar = (
+            None if status else tqdm(total=total, initial=done, desc=label, unit="", dynamic_ncols=True)
+        )
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def update(self, done: int, **figures: float | int | str) -> None:
+        """Say that `done` of the total are done, with figures worth watching, such as the best score."""
+        text = ", ".join(
+            f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+            for name, value in figures.items()
+        )
+        if self._bar is not None:
+            self._bar.set_postfix_str(text, refresh=False)
+            self._bar.update(done - self._bar.n)
+        elif time.monotonic() > self._reported + SECONDS_BETWEEN_REPORTS or done >= self._total:
+            self._reported = time.monotonic()
+            status = {"label": self._label, "done": done, "total": self._total, "text": text}
+            part = self._status.with_suffix(".part")
+            part.write_text(json.dumps(status))
+            os.replace(part, self._status)

@@ -1,0 +1,184 @@
+"""Networks against a node-by-node oracle, and properties of the mutation operators."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qboot.neuroevolution import dnn, variation
+from qboot.neuroevolution.dnn import Genome, Topology
+from qboot.neuroevolution.variation import MutationRates
+
+SMALL = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12)
+SMALL_FEED_FORWARD = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12, feed_forward=True)
+OFTEN = MutationRates(0.5, 0.6, 0.6, 0.4, 0.6, 0.3)
+
+
+def evolved(seed, topology, n_mutations=25):
+    """A genome after many mutations."""
+    mutate = jax.jit(variation.mutate, static_argnums=(2, 3))
+    genome = dnn.random_genome(jax.random.key(seed), topology)
+    for i in range(n_mutations):
+        genome, _ = mutate(jax.random.fold_in(jax.random.key(seed + 1000), i), genome, topology, OFTEN)
+    return genome
+
+
+def oracle_step(genome, topology, activities, inputs):
+    """One synchronous step, connection by connection."""
+    value = np.concatenate([inputs, activities]).astype(np.float64)
+    drive = -5.0 * np.asarray(genome.biases, np.float64)
+    for source, target, weight, connected in zip(*(np.asarray(leaf) for leaf in genome[:4]), strict=True):
+        if connected:
+            drive[target - topology.n_inputs] += weight * value[source]
+    return 1 / (1 + np.exp(-drive))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_step_is_that_of_the_oracle(seed):
+    genome = evolved(seed, SMALL)
+    network = dnn.express(genome, SMALL)
+    random = np.random.default_rng(seed)
+    activities, inputs = random.random(SMALL.n_computing), random.random(SMALL.n_inputs)
+    ours = dnn.step(network, jnp.float32(activities), jnp.float32(inputs))
+    exists = np.concatenate([np.ones(SMALL.n_outputs, bool), genome.hidden])
+    expected = oracle_step(genome, SMALL, activities * exists, inputs)
+    # Missing neurons are read by no one: they may have any activity.
+    ours_without = dnn.step(network, jnp.float32(activities * exists), jnp.float32(inputs))
+    np.testing.assert_allclose(ours_without[exists], expected[exists], atol=1e-5)
+    np.testing.assert_allclose(ours[exists], ours_without[exists], atol=1e-6)
+
+
+def test_padding_does_not_matter():
+    genome = evolved(3, SMALL)
+    roomy = Topology(n_inputs=3, n_outputs=2, max_hidden=9, max_connections=30)
+
+    def padded(leaf, size):
+        return jnp.concatenate([leaf, jnp.zeros(size - len(leaf), leaf.dtype)])
+
+    larger = Genome(
+        *(padded(leaf, roomy.max_connections) for leaf in genome[:4]),
+        biases=padded(genome.biases, roomy.n_computing),
+        hidden=padded(genome.hidden, roomy.max_hidden),
+    )
+    small, large = dnn.express(genome, SMALL), dnn.express(larger, roomy)
+    a, b = dnn.rest(small), dnn.rest(large)
+    for t in range(20):
+        inputs = jax.random.uniform(jax.random.key(t), (3,))
+        a, b = dnn.step(small, a, inputs), dnn.step(large, b, inputs)
+        np.testing.assert_allclose(a[:2], b[:2], atol=1e-6)
+
+
+def test_the_first_generation_does_not_depend_on_the_room_for_growth():
+    small, large = (
+        dnn.random_genome(jax.random.key(0), Topology(max_hidden=h, max_connections=c))
+        for h, c in ((20, 75), (40, 90))
+    )
+    np.testing.assert_array_equal(small.weights, large.weights[:75])
+    np.testing.assert_array_equal(small.biases[:3], large.biases[:3])
+    assert int(small.connected.sum()) == 39 and not small.hidden.any()
+
+
+@pytest.mark.parametrize("topology", [SMALL, SMALL_FEED_FORWARD])
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_mutated_genomes_are_valid(topology, seed):
+    genome = evolved(seed, topology, 12)
+    exists = np.concatenate([np.ones(topology.n_inputs + topology.n_outputs, bool), genome.hidden])
+    pairs = [
+        (int(source), int(target))
+        for source, target, connected in zip(genome.sources, genome.targets, genome.connected, strict=True)
+        if connected
+    ]
+    assert len(pairs) == len(set(pairs)), "a duplicate connection"
+    assert all(exists[source] and exists[target] for source, target in pairs)
+    assert all(target >= topology.n_inputs for _, target in pairs)
+    assert np.abs(genome.weights).max() <= 5 and np.abs(genome.biases).max() <= 5
+    if topology.feed_forward:
+        reached = np.zeros((topology.n_neurons, topology.n_neurons), bool)
+        for source, target in pairs:
+            reached[source, target] = True
+        paths = reached.copy()
+        for _ in range(topology.n_neurons):
+            paths = paths | ((paths.astype(int) @ reached.astype(int)) > 0)
+        assert not np.diag(paths).any(), "a cycle"
+
+
+def test_splitting_a_connection_keeps_its_weight_on_both_halves():
+    before = dnn.random_genome(jax.random.key(0), SMALL)
+    after, refused = variation.add_neuron(jax.random.key(1), before, SMALL)
+    assert not refused and int(after.hidden.sum()) == 1
+    assert int(after.connected.sum()) == int(before.connected.sum()) + 1
+    neuron = SMALL.n_inputs + SMALL.n_outputs
+    into = np.flatnonzero(np.asarray(after.connected & (after.targets == neuron)))
+    out = np.flatnonzero(np.asarray(after.connected & (after.sources == neuron)))
+    assert len(into) == len(out) == 1
+    split = np.flatnonzero(
+        np.asarray(
+            (before.sources == after.sources[into[0]])
+            & (before.targets == after.targets[out[0]])
+            & before.connected
+        )
+    )
+    assert after.weights[into[0]] == after.weights[out[0]] == before.weights[split[0]]
+
+
+def test_removing_a_neuron_removes_its_connections():
+    with_neuron, _ = variation.add_neuron(
+        jax.random.key(1), dnn.random_genome(jax.random.key(0), SMALL), SMALL
+    )
+    without, _ = variation.remove_neuron(jax.random.key(2), with_neuron, SMALL)
+    assert not without.hidden.any() and int(without.connected.sum()) == 5
+    untouched, _ = variation.remove_neuron(jax.random.key(3), without, SMALL)
+    np.testing.assert_array_equal(untouched.connected, without.connected)
+
+
+def test_a_full_genome_refuses_growth_and_says_so():
+    full = Topology(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=6)
+    genome = dnn.random_genome(jax.random.key(0), full)
+    genome, refused = variation.add_connection(jax.random.key(1), genome, full)
+    assert not refused and genome.connected.all()
+    _, refused = variation.add_connection(jax.random.key(2), genome, full)
+    assert refused
+    _, refused = variation.add_neuron(jax.random.key(3), genome, full)
+    assert refused
+
+
+def test_rewiring_changes_one_end():
+    before = dnn.random_genome(
+        jax.random.key(0), Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8)
+    )
+    topology = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8)
+    for seed in range(20):
+        after, _ = variation.rewire(jax.random.key(seed), before, topology)
+        changed = np.asarray((before.sources != after.sources) | (before.targets != after.targets))
+        assert changed.sum() <= 1
+        np.testing.assert_array_equal(before.weights, after.weights)
+
+
+def test_polynomial_mutation_has_its_published_distribution():
+    # For a value far from both bounds, |change| / range has the cumulative distribution 1 - (1 - d)^(eta + 1).
+    draws = variation.polynomial(jax.random.key(0), jnp.zeros(40_000), 5.0, 15.0)
+    for share in (0.02, 0.05, 0.1):
+        expected = 1 - (1 - share) ** 16
+        assert abs(float(jnp.mean(jnp.abs(draws) / 10 <= share)) - expected) < 0.01
+    edge = variation.polynomial(jax.random.key(1), jnp.full(1000, 5.0), 5.0, 15.0)
+    assert float(edge.max()) <= 5.0 and float(edge.min()) >= -5.0
+
+
+def test_rates_are_met():
+    genome = dnn.random_genome(jax.random.key(0), Topology())
+    keys = jax.random.split(jax.random.key(1), 3000)
+    mutate = jax.jit(jax.vmap(lambda key: variation.mutate(key, genome, Topology(), MutationRates())[0]))
+    mutants = mutate(keys)
+    assert abs(float(mutants.hidden.any(axis=1).mean()) - 0.088 * (1 - 0.098)) < 0.02
+    changed = np.asarray(mutants.biases[:, :3] != genome.biases[:3])
+    assert abs(changed.mean() - 0.1) < 0.02
+
+
+def test_bad_settings_are_named():
+    with pytest.raises(ValueError, match="max_connections is 5"):
+        Topology(max_connections=5)
+    with pytest.raises(ValueError, match="rewire is 1.5"):
+        MutationRates(rewire=1.5)

@@ -1,0 +1,173 @@
+"""The evolutionary run: records, lineage, resumption, independence of how it is spread over threads."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qboot.envs import ball_collecting
+from qboot.neuroevolution import dnn, evaluation, evolve
+from qboot.neuroevolution.behaviour import FLOW, RECORDERS
+from qboot.neuroevolution.dnn import Topology
+from qboot.neuroevolution.evolve import EvolutionSettings, Problem
+from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
+
+TASK = ball_collecting.TASK._replace(max_steps=130)
+SETTINGS = EvolutionSettings(population=6, generations=4, diversity_period=2)
+
+
+def problem(seed=0, workers=1, task=TASK, settings=SETTINGS):
+    return Problem(task, task.source_domains("A"), settings, Topology(), jax.random.key(seed), workers)
+
+
+def run(problem, generations=4):
+    state, info = evolve.init(problem)
+    infos = [info]
+    for _ in range(generations):
+        state, info = evolve.step(problem, state)
+        infos.append(info)
+    return state, infos
+
+
+def assert_same(a, b):
+    jax.tree.map(np.testing.assert_array_equal, a, b)
+
+
+def test_a_run_repeats_itself_and_does_not_depend_on_threads():
+    state, infos = run(problem())
+    again, infos_again = run(problem(workers=3))
+    assert_same(state, again)
+    assert infos == infos_again
+
+
+def test_behaviours_of_survivors_are_those_of_running_them_again():
+    run_problem = problem()
+    state, _ = run(run_problem, 3)
+    assert_same(evolve.describe(run_problem, state.population, state.generation), state.behaviours)
+
+
+def test_lineage_is_acyclic_and_leads_back_to_the_first_generation():
+    state, _ = run(problem(), 4)
+    best = best_of(state.population)
+    line = lineage(state.archive, best, 500)
+    assert line.ids[-1] == best and line.parents[0] == NO_PARENT and line.births[0] == 0
+    assert (np.diff(line.ids) > 0).all() and (np.diff(line.births) > 0).all()
+    np.testing.assert_array_equal(line.parents[1:], line.ids[:-1])
+    assert len(lineage(state.archive, best, 2).ids) == min(2, len(line.ids))
+    assert line.scores[-1] == state.population.scores.max()
+
+
+def test_the_archive_keeps_ancestors_and_nothing_else():
+    parents = np.array([NO_PARENT, NO_PARENT, 0, 1, 2, 2])
+    genomes = jax.tree.map(
+        np.asarray,
+        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 6), Topology()),
+    )
+    archive = Individuals(
+        genomes, np.arange(6) * 10, np.where(parents < 0, parents, parents * 10), np.zeros(6), np.zeros(6)
+    )
+    np.testing.assert_array_equal(ancestors(archive, np.array([50])), [True, False, True, False, False, True])
+    with pytest.raises(ValueError, match="individual 7"):
+        lineage(archive, 7, 5)
+
+
+def test_diversity_is_drawn_anew_each_period():
+    settings = EvolutionSettings(population=6, diversity_period=10)
+    drawn = [evolve.diversity_in_force(problem(settings=settings), g) for g in range(400)]
+    for period in range(40):
+        assert len(set(drawn[10 * period : 10 * period + 10])) == 1
+    assert set(drawn) == set(settings.diversities)
+
+
+def test_transfer_starts_from_the_front():
+    state, _ = run(problem(), 2)
+    front = evolve.pareto_front(state).genomes
+    started, _ = evolve.init(problem(seed=9), front)
+    weights = {w.tobytes() for w in np.asarray(front.weights)}
+    assert len(started.population.ids) == SETTINGS.population
+    assert any(w.tobytes() in weights for w in np.asarray(started.archive.genomes.weights))
+
+
+@pytest.mark.parametrize("name", RECORDERS)
+def test_records_are_those_of_the_whole_flow(name):
+    """Each description, made step by step in the compiled loop, against the same made from the recorded flow."""
+    task = ball_collecting.TASK._replace(max_steps=600)
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(
+        jax.random.split(jax.random.key(3), 4), Topology()
+    )
+    keys = jax.random.split(jax.random.key(4), 4)
+    domains = task.source_domains("A")
+    result = evaluation.evaluate(task, Topology(), RECORDERS[name], genomes, domains, keys)
+    flow = evaluation.evaluate(task, Topology(), FLOW, genomes, domains, keys)
+    observations, commands = flow.descriptions
+    channels = np.concatenate([observations, commands], axis=-1)
+    lived = np.arange(600) < np.asarray(flow.steps)[..., None]
+    assert (~lived).any(), "one of these controllers should stand still and end its test"
+    description = np.asarray(result.descriptions)
+    if name == "hamming":
+        bits = ((channels >= 0.5) * (1 << np.arange(16))).sum(axis=-1)
+        np.testing.assert_array_equal(description, np.where(lived, bits, 0))
+    elif name == "entropy":
+        np.testing.assert_array_equal(description.sum(axis=-1), np.repeat(flow.steps[..., None], 16, axis=-1))
+        first = np.histogram(channels[0, 0, : flow.steps[0, 0], 0], bins=np.arange(10) / 9)[0]
+        np.testing.assert_array_equal(description[0, 0, 0], first)
+    elif name == "trajectory":
+        assert description.shape == (4, 2, 12)
+        np.testing.assert_array_equal(description >= 0, lived[..., ::50])
+        start = task.reset(None, jax.tree.map(lambda leaf: leaf[1], domains))
+        assert (
+            description[:, 1, 0] == int(task.position(jax.tree.map(lambda leaf: leaf[1], domains), start))
+        ).all()
+    else:
+        assert description.shape == (4, 2, 8)
+
+
+def test_blocks_do_not_change_results():
+    genomes = jax.device_get(
+        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 7), Topology())
+    )
+    keys = jax.random.split(jax.random.key(1), 7)
+    function = jax.jit(
+        lambda g, k: evaluation.evaluate(
+            TASK, Topology(), RECORDERS["hamming"], g, TASK.source_domains("A"), k
+        )
+    )
+    assert_same(
+        evaluation.in_blocks(function, 1, genomes, keys, block=3),
+        evaluation.in_blocks(function, 2, genomes, keys, block=5),
+    )
+
+
+def test_the_evaluation_loop_is_one_kernel():
+    """XLA compiles the loop into one call; without that, a simulation is about twice as slow."""
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(
+        jax.random.split(jax.random.key(0), 4), Topology()
+    )
+    keys = jax.random.split(jax.random.key(1), 4)
+    for recorder in RECORDERS.values():
+        function = jax.jit(
+            lambda g, k, r=recorder: evaluation.evaluate(TASK, Topology(), r, g, TASK.source_domains("A"), k)
+        )
+        assert "xla_cpu_small_call" in function.lower(genomes, keys).compile().as_text()
+
+
+def test_a_done_state_is_absorbing():
+    task = ball_collecting.TASK
+    domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains("A"))
+    done = task.reset(None, domain)._replace(done=jnp.array(True), still=jnp.int32(101))
+    after = task.step(domain, done, jnp.array([1.0, 0.2, 1.0]))
+    assert after.done and after.reward == 0
+    assert_same(after.posture, done.posture)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"population": 0}, "population is 0"),
+        ({"generations": -1}, "generations is -1"),
+        ({"diversities": ("taste",)}, "taste"),
+    ],
+)
+def test_bad_settings_are_named(change, words):
+    with pytest.raises(ValueError, match=words):
+        EvolutionSettings(**change)

@@ -1,0 +1,191 @@
+"""The parts of the Q-learner: equation 3, networks, inputs, exploration, replay, and what is refused."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy_tasks import CELLS, REWARD, SETTINGS, action_set, all_sensors, assert_same, corridor, problem, salary
+
+from qboot.qlearning import (
+    epsilon,
+    init,
+    init_networks,
+    input_set,
+    q_value,
+    q_values,
+    smdp_target,
+    trajectory_capacity,
+)
+from qboot.qlearning.acting import choose
+from qboot.qlearning.inputs import read_inputs
+from qboot.qlearning.networks import network_of, train
+from qboot.qlearning.replay import empty_store, empty_trajectory, keep_best, replay_order, replayed_transition
+from qboot.qlearning.smdp import execute, start_test
+
+
+def start(task, history="steps"):
+    settings = replace(SETTINGS, history=history)
+    return start_test(jax.random.key(0), task, task.source_domains("A")[0], settings), settings
+
+
+def stored(*lengths):
+    """Return a store of one domain whose trajectory r holds the inputs r * 100 + k at its k-th decision."""
+    store = empty_store(1, len(lengths), capacity=5, n_inputs=1)
+    inputs = 100.0 * jnp.arange(len(lengths))[None, :, None, None] + jnp.arange(6)[:, None]
+    return store._replace(inputs=inputs, length=jnp.array([lengths], jnp.int32))
+
+
+@pytest.mark.parametrize(
+    ("rewards", "terminal", "expected"),
+    [
+        ([1, 2, 3], False, 1 + 2 / 2 + 3 / 4 + 8 / 8),
+        ([1, 2, 3], True, 1 + 2 / 2 + 3 / 4),
+        ([0, 0, 0, 0], False, 8 / 16),
+        ([5], False, 5 + 8 / 2),
+    ],
+)
+def test_target_is_equation_3(rewards, terminal, expected):
+    assert float(smdp_target(jnp.array(rewards), 0.5, 8.0, terminal)) == expected
+
+
+def test_terminal_target_ignores_a_value_that_is_not_finite():
+    assert float(smdp_target(jnp.ones(2), 0.5, jnp.inf, True)) == 1.5
+
+
+def test_an_action_earns_what_equation_3_says():
+    task = salary(max_steps=10)
+    situation, settings = start(task)
+    after, earned, rewards = execute(task, jnp.zeros(1), action_set(), jnp.int32(1), situation, settings)
+    assert (int(after.step), float(rewards)) == (3, 3)
+    assert earned.value == smdp_target(jnp.ones(3), settings.gamma, 7.0, True)
+    assert earned.value + earned.discount * 7 == smdp_target(jnp.ones(3), settings.gamma, 7.0, False)
+
+
+def test_an_action_stops_where_the_test_ends():
+    task = corridor((CELLS - 1, CELLS - 2))
+    situation, settings = start(task)
+    after, earned, rewards = execute(
+        task, task.source_domains("A")[0], action_set(), jnp.int32(1), situation, settings
+    )
+    assert (int(after.step), float(earned.value), float(rewards)) == (1, REWARD, REWARD)
+
+
+def test_initial_weights_do_not_depend_on_padding():
+    key = jax.random.key(3)
+    small, large = init_networks(key, 4, 5, 8), init_networks(key, 9, 11, 8)
+    assert_same(
+        small,
+        jax.tree.map(lambda a, b: b[: a.shape[0]], small, large)._replace(
+            hidden_weights=large.hidden_weights[:4, :, :5]
+        ),
+    )
+    assert float(jnp.abs(large.hidden_weights).max()) <= 0.1
+    assert len(np.unique(large.hidden_weights)) == large.hidden_weights.size
+
+
+def test_training_is_gradient_descent_on_one_network():
+    networks = init_networks(jax.random.key(0), 3, 2, 4)
+    x, target, alpha = jnp.array([0.3, 0.8]), jnp.float32(2), 0.5
+    w, b, v, c = (np.asarray(leaf, np.float64) for leaf in network_of(networks, 1))
+    hidden = np.tanh(0.5 * (w @ x + b))
+    error = 2 - 0.5 * (v @ hidden + c)
+    back = alpha * error * 0.5 * v * 0.5 * (1 - hidden**2)
+    expected = w + np.outer(back, x), b + back, v + alpha * error * 0.5 * hidden, c + alpha * error * 0.5
+    trained, returned = train(networks, jnp.int32(1), x, target, alpha, True)
+    np.testing.assert_allclose(returned, error, rtol=1e-5)
+    assert_same(network_of(trained, 1), jax.tree.map(jnp.asarray, expected), rtol=1e-5, atol=1e-7)
+    for other in (0, 2):
+        assert_same(network_of(trained, other), network_of(networks, other))
+    assert_same(train(networks, jnp.int32(1), x, target, alpha, False)[0], networks)
+
+
+def test_inputs_are_read_from_the_history():
+    inputs = input_set(np.array([[True, False, True], [False, True, False]]), n_inputs=5)
+    history = jnp.array([[1.0, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(read_inputs(inputs, history), [1, 3, 5, 0, 0])
+
+
+@pytest.mark.parametrize(("history", "before"), [("steps", 2), ("decisions", 0)])
+def test_a_lag_counts_steps_or_decisions(history, before):
+    task = salary(max_steps=10)
+    situation, settings = start(task, history=history)
+    situation, _, _ = execute(task, jnp.zeros(1), action_set(), jnp.int32(1), situation, settings)
+    np.testing.assert_array_equal(jnp.argmax(situation.history, axis=1), [3, before])
+
+
+def test_epsilon_follows_the_paper():
+    np.testing.assert_allclose(epsilon(0, SETTINGS), 0.14 * 0.99 + 0.01)
+    np.testing.assert_allclose(epsilon(jnp.int32(99), SETTINGS), 0.14 * 0.99**100 + 0.01, rtol=1e-5)
+
+
+def test_choice_is_uniform_over_usable_actions_or_greedy():
+    usable = jnp.array([True, False, True, True, False])
+    values = jnp.array([1.0, 9, 3, 2, 9])
+    keys = jax.random.split(jax.random.key(0), 3000)
+    choose_each = jax.jit(jax.vmap(choose, (0, None, None, None)))
+    explored = choose_each(keys, values, usable, 1.0)
+    np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, usable / 3, atol=0.03)
+    greedy = choose_each(keys, values, usable, 0.0)
+    assert set(np.asarray(greedy)) == {2}
+
+
+def test_replay_goes_through_each_trajectory_backwards():
+    store = stored(3, 0, 5)
+    short, long = [2, 1, 0], [204, 203, 202, 201, 200]
+    first = set()
+    for seed in range(8):
+        order, finished = replay_order(jax.random.key(seed), store)
+        transitions = [replayed_transition(store, order, finished, i) for i in range(8)]
+        seen = [int(t.inputs[0]) for t in transitions]
+        assert seen in (short + long, long + short)
+        assert [int(t.next_inputs[0]) for t in transitions] == [i + 1 for i in seen]
+        assert [bool(t.terminal) for t in transitions] == [i in (2, 204) for i in seen]
+        first.add(seen[0])
+    assert first == {2, 204}
+
+
+def test_the_best_trajectories_are_kept():
+    store = empty_store(2, 2, capacity=3, n_inputs=1)
+    for length, score in enumerate((0.0, 5.0, 2.0, 5.0, 5.0, 1.0)):
+        trajectory = empty_trajectory(3, 1)._replace(score=jnp.float32(score), length=jnp.int32(length))
+        store = keep_best(store, jnp.int32(1), trajectory)
+    np.testing.assert_array_equal(store.score, [[0, 0], [5, 5]])
+    # Of three trajectories with score 5, the two older ones.
+    assert sorted(store.length[1].tolist()) == [1, 3]
+
+
+@pytest.mark.parametrize(
+    "values", [{"gamma": 1.1}, {"alpha": 0}, {"hidden": 0}, {"eta": -1}, {"history": "seconds"}, {"lags": 0}]
+)
+def test_settings_out_of_range_are_refused(values):
+    with pytest.raises(ValueError, match=next(iter(values))):
+        replace(SETTINGS, **values)
+
+
+def test_what_does_not_fit_is_refused():
+    task, domains, actions, inputs, settings = problem(corridor((CELLS - 1, 0)))
+    key = jax.random.key(0)
+    two_effectors = actions._replace(slopes=jnp.zeros((4, 2)), intercepts=jnp.zeros((4, 2)))
+    with pytest.raises(ValueError, match="effectors"):
+        init(key, task, domains, two_effectors, inputs, settings)
+    with pytest.raises(ValueError, match="lags"):
+        init(key, task, domains, actions, all_sensors(task, lags=3), settings)
+    with pytest.raises(ValueError, match="sensors"):
+        init(key, task, domains, actions, input_set(np.ones((1, 9))), settings)
+    with pytest.raises(ValueError, match="networks"):
+        init(key, task, domains, actions, inputs, settings, networks=init_networks(key, 4, 2, 16))
+    with pytest.raises(ValueError, match="duration"):
+        trajectory_capacity(task, action_set([0], [0], [0]))
+    with pytest.raises(ValueError, match="inputs"):
+        input_set(np.ones((2, 3)), n_inputs=5)
+    with pytest.raises(ValueError, match="shape"):
+        input_set(np.ones(3))
+
+
+def test_one_value_is_one_of_all_values():
+    networks = init_networks(jax.random.key(0), 3, 4, 5)
+    x = jnp.arange(4.0)
+    one = q_value(network_of(networks, 2), x)
+    np.testing.assert_allclose(one, q_values(networks, x)[2], rtol=1e-6)
