@@ -204,14 +204,15 @@ def test_random_actions_reach_both_ends_of_the_durations_and_refuse_bad_ones():
 def test_human_actions_for_ball_collecting():
     actions = baselines.human_actions_ball_collecting()
     left, right, crane = actions.intercepts.T
-    turn, speed = left - right, left + right - 1
+    turn = left - right
     assert actions.durations.tolist() == [15] * 17
     assert (actions.slopes == 0).all()
     assert crane.tolist() == [1] * 16 + [0]
     assert (np.diff(turn[:16]) > 0).all()
-    assert (turn[0], speed[0]) == (-1, 0)
-    assert (turn[8], speed[8]) == (0, 1)
-    assert (speed >= 0).all()
+    assert (left[0], right[0]) == (0.5, 1)
+    assert (left[8], right[8]) == (1, 1)
+    assert (np.minimum(left, right) >= 0.5).all()
+    assert (np.maximum(left, right)[:16] == 1).all()
     assert (left[16], right[16]) == (0.5, 0.5)
 
 

@@ -121,13 +121,15 @@ def test_the_switch_makes_the_other_balls_appear():
     assert TASK.step(ARENA, after, hold).carried.tolist() == [False, False, True, False]
 
 
-def test_standing_still_for_more_than_a_hundred_steps_ends_the_test():
+def test_standing_still_for_more_than_a_hundred_steps_is_being_idle():
+    stand, creep = jnp.array([0.5, 0.5, 1.0]), jnp.array([0.5, 0.51, 1.0])
     state = TASK.reset(None, ARENA)
     step = jax.jit(TASK.step)
     for _ in range(100):
-        state = step(ARENA, state, jnp.array([0.5, 0.5, 1.0]))
-    assert not state.done
-    assert step(ARENA, state, jnp.array([0.5, 0.5, 1.0])).done
+        state = step(ARENA, state, stand)
+    assert not TASK.is_idle(state)
+    assert TASK.is_idle(step(ARENA, state, stand))
+    assert not TASK.is_idle(step(ARENA, step(ARENA, state, stand), creep))
 
 
 def test_sensors_stay_in_range_on_a_random_walk():

@@ -135,7 +135,7 @@ def test_removing_a_neuron_removes_its_connections():
 
 
 def test_a_full_genome_refuses_growth_and_says_so():
-    full = Topology(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=6)
+    full = Topology(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=7)
     genome = dnn.random_genome(jax.random.key(0), full)
     genome, refused = variation.add_connection(jax.random.key(1), genome, full)
     assert not refused and genome.connected.all()

@@ -38,6 +38,7 @@ def toy_task(name, sensors, max_steps, reward, reset, step, domains, tests_per_d
         feed_forward=False,
         reset=reset,
         step=step,
+        is_idle=lambda state: jnp.array(False),
         source_domains=lambda source: domains,
         target_domains=lambda source: domains,
         position=lambda domain, state: state.where,

@@ -26,7 +26,7 @@ SPEED = 4.0  # wheel displacement per step at full command, in units
 BALLS_AT_START = 2  # the others appear when the switch is pulled
 LIGHT_HALF_OPENING = (math.pi / 2 + 0.01) / 2  # of a light detector, around +-pi/4
 STILL_THRESHOLD = 1e-4  # units and radians: less is standing still
-STILL_STEPS = 100  # a robot that stands still for longer ends the test
+STILL_STEPS = 100  # a robot that stands still for longer is idle
 GRID = 12  # cells per side of the discretised trajectory
 
 
@@ -43,7 +43,7 @@ class BallState(NamedTuple):
 
     observation: jax.Array  # (13,) in [0, 1], in the order of SENSORS
     reward: jax.Array  # () 100 when a ball just dropped into the basket (equation 7)
-    done: jax.Array  # () bool, the robot stood still for too long
+    done: jax.Array  # () bool, never: a test goes on for all of its steps
     posture: Posture
     balls: jax.Array  # (4, 2) where each ball is, or was dropped
     taken: jax.Array  # (4,) bool, picked up at some time
@@ -177,8 +177,7 @@ def reset(key: jax.Array, domain: arenas.Arena) -> BallState:
 
 def step(domain: arenas.Arena, state: BallState, action: jax.Array) -> BallState:
     """One step of the simulator: `action` (3,) in [0, 1] = left wheel, right wheel, crane."""
-    active = ~state.done
-    wheels = jnp.where(active, SPEED * (2.0 * action[:2] - 1.0), 0.0)
+    wheels = SPEED * (2.0 * action[:2] - 1.0)
     tentative = move(state.posture, wheels[0], wheels[1], domain.radius)
     heading = jnp.stack([jnp.cos(tentative.theta), jnp.sin(tentative.theta)])
     contact = touch(domain, jnp.stack([tentative.x, tentative.y]), heading)
@@ -191,30 +190,34 @@ def step(domain: arenas.Arena, state: BallState, action: jax.Array) -> BallState
 
     hold = action[2] >= 0.5
     carrying = jnp.any(state.carried)
-    free_hands = active & hold & ~carrying
+    free_hands = hold & ~carrying
     reachable = present_balls(state.taken, state.switch_pulled) & within(state.balls, domain.radius)
     first = reachable & (jnp.arange(reachable.shape[0]) == jnp.argmax(reachable))
-    dropped = active & ~hold & carrying
+    dropped = ~hold & carrying
     scored = dropped & within(domain.basket, domain.basket_radius)
     carried = jnp.where(dropped, False, state.carried | (free_hands & first))
     taken = state.taken | carried
     switch_pulled = state.switch_pulled | (free_hands & within(domain.switch, domain.radius))
 
     motion = jnp.abs(jnp.stack([a - b for a, b in zip(posture, state.posture, strict=True)]))
-    still = jnp.where(active, jnp.where(jnp.any(motion > STILL_THRESHOLD), 0, state.still + 1), state.still)
     return BallState(
         observation=observe(
             domain, posture, contact, present_balls(taken, switch_pulled), jnp.any(carried), switch_pulled
         ),
         reward=jnp.where(scored, jnp.float32(REWARD), 0.0),
-        done=still > STILL_STEPS,
+        done=state.done,
         posture=posture,
         balls=jnp.where((state.carried | carried)[:, None], centre, state.balls),
         taken=taken,
         carried=carried,
         switch_pulled=switch_pulled,
-        still=still,
+        still=jnp.where(jnp.any(motion > STILL_THRESHOLD), 0, state.still + 1),
     )
+
+
+def is_idle(state: BallState) -> jax.Array:
+    """Whether the robot has stood still for more than 100 steps, () bool."""
+    return state.still > STILL_STEPS
 
 
 def position(domain: arenas.Arena, state: BallState) -> jax.Array:
@@ -245,6 +248,7 @@ TASK = Task(
     feed_forward=False,
     reset=reset,
     step=step,
+    is_idle=is_idle,
     source_domains=arenas.source_domains,
     target_domains=arenas.target_domains,
     position=position,

@@ -43,6 +43,7 @@ class Task(NamedTuple):
     step: Callable[
         [Domain, TaskState, jax.Array], TaskState
     ]  # (domain, state, (E,) commands in [0, 1]) -> state
+    is_idle: Callable[[TaskState], jax.Array]  # -> () bool: nothing happens any more, evaluating may stop here
     source_domains: Callable[[str], Domain]  # source name -> domains (D, ...)
     target_domains: Callable[[str], Domain]  # source name -> domains (D, ...), none of them in the source
     position: Callable[[Domain, TaskState], jax.Array]  # -> () int32: cell of the discretised trajectory

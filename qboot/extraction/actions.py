@@ -34,11 +34,12 @@ class ActionSettings:
     n_actions: int = 17
     """Na: number of actions, >= 1 (17 for ball collecting, 7 for box pushing)."""
 
-    fuzziness: float = 1.3
-    """m of fuzzy c-means, > 1. The paper gives none; with 2 most of the centres coincide."""
+    fuzziness: float = 2.0
+    """m of fuzzy c-means, > 1. The paper gives none: this is the usual one. Nearer to 1, fewer centres coincide."""
 
-    scale: str = "logstd"
-    """Scaling of the features to cluster: "none", "std", "minmax", or "logstd" (log duration, then std)."""
+    scale: str = "none"
+    """Scaling of the features to cluster: "none", "std", "minmax", or "logstd" (log duration, then std). The paper
+    gives none: with "minmax" the actions last about as long as the paper's; with "none" only durations count."""
 
     max_iterations: int = 300
     """Updates of the centres at most, >= 1."""

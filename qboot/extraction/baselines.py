@@ -35,9 +35,9 @@ def random_actions(seed: int, n_actions: int, n_effectors: int, durations: tuple
 def human_actions_ball_collecting(duration: int = 15) -> ActionSet:
     """Sixteen moving actions that turn by different angles while holding, and one that stops and drops.
 
-    Effectors are left wheel, right wheel (0.5 stops, 1 is full speed ahead) and crane (1 holds, 0 drops). The
-    first action spins to the left on the spot, the ninth goes straight on. Within 15 steps they turn by
-    multiples of about a sixteenth of a circle; no action moves backwards.
+    Effectors are left wheel, right wheel (0.5 stops, 1 is full speed ahead) and crane (1 holds, 0 drops). No
+    wheel ever turns backwards: a robot that spins on the spot does not explore. The first action turns to the left
+    around its resting left wheel (a quarter of a circle in 15 steps), the ninth goes straight on.
 
     Args:
         duration: of each action, in steps, >= 1.
@@ -45,7 +45,7 @@ def human_actions_ball_collecting(duration: int = 15) -> ActionSet:
     Raises:
         ValueError: if `duration` is less than 1.
     """
-    turns = np.arange(-8, 8) / 8  # from left to right; the wheel on the inner side turns that much slower
+    turns = np.arange(-8, 8) / 16  # from left to right; what the command of the inner wheel falls short of 1
     moving = np.column_stack([1 + np.minimum(turns, 0), 1 - np.maximum(turns, 0), np.ones(16)])
     return _constant(np.vstack([moving, [0.5, 0.5, 0.0]]), duration)
 

@@ -48,8 +48,8 @@ def cluster(
     Args:
         points: (n, D) finite.
         n_clusters: c, 1 .. n.
-        m: fuzziness, > 1. Near 1 it is k-means; the larger, the more the centres draw together. With m = 2 in
-            several dimensions many of them coincide.
+        m: fuzziness, > 1. Near 1 it is k-means; the larger, the more the centres draw together: with m = 2
+            and noisy data in several dimensions, many of them may coincide.
         seed: decides the first centres.
         max_iterations: updates of the centres at most, >= 1.
         tolerance: stop when no coordinate of a centre moves by more than this times the largest standard

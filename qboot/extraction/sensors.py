@@ -1,159 +1,210 @@
-"""Relevant sensors by lasso and majority vote (paper, section IV-D).
+"""Choice of the inputs that tell the state: lasso models and a majority vote (paper, section IV-D).
 
-For each sensor a lasso predicts its next value from all sensors at the last mu steps. An input is kept when more than
-half of the models use it. Millions of steps enter through their Gram matrix alone, accumulated trace by trace.
-Shape letters: S sensors, L lags, Q = L S inputs; input q = (lag - 1) S + sensor, lag 1 being the step before.
+Shape letters: S sensors, L lags (the paper's mu), T steps, P inputs that vary (L S of them at most).
+Only sums of products over all rows are kept, never the rows, so any number of traces fits in memory.
+
+How many inputs survive is decided by how strong a lasso penalty is. A robot's sensors are predicted best by their own
+last values. So a strong penalty makes every sensor vote for itself alone, and no input gets a majority; a weak one
+keeps nearly every input. Criteria that count rows are weak: rows are many and alike. That is why the default credits a
+fixed number of observations, whatever the length of the traces (`docs/fidelity.md` has the counts).
 """
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-RULES = ("bic", "fixed")
-# Steps whose products are added in single precision before they join the sum in double precision.
+RULES = ("bic", "bic_traces", "bic_rows", "fixed")
+# Rows multiplied at a time.
 CHUNK = 4096
+# A column is constant, but for rounding, when its variance is below this share of its mean square.
+CONSTANT = 1e-10
+# Variance of the measurement noise supposed on every input, as a share of its own: some sensors are exact sums of
+# others, and without noise the lasso's path through them is not defined.
+NOISE = 1e-4
+# Weights of standardised inputs below this are zeros with rounding errors.
+NEGLIGIBLE = 1e-9
 
 
 @dataclass(frozen=True)
 class SensorSettings:
-    """How sensors are selected."""
+    """How inputs are chosen. Raises `ValueError` when a value lies outside the range given under it."""
 
     lags: int = 8
-    """mu: past observations that may predict the next one (appendix B)."""
+    """mu: past observations that inputs are chosen from, >= 1."""
+
     rule: str = "bic"
-    """What decides the strength of the penalty: bic (least Bayesian information criterion), or fixed (alpha)."""
-    steps_per_sample: float = 50.0
-    """bic: neighbouring steps tell the same; so many of them count as one independent sample."""
+    """Penalty by BIC for `sample_size` observations ("bic"), for as many as there are traces ("bic_traces") or rows
+    ("bic_rows"), or the penalty `alpha` ("fixed")."""
+
+    sample_size: int = 30_000
+    """Observations that the rule "bic" credits the traces with, >= 2; more of them keep more inputs."""
+
     alpha: float = 0.001
-    """fixed: the penalty, in units of correlation."""
+    """Lasso penalty of the rule "fixed", on standardised inputs and targets (a correlation), in (0, 1)."""
 
-    def __post_init__(self):
-        """Reject settings without a meaning."""
+    def __post_init__(self) -> None:
+        """Refuse values outside their range."""
         if self.lags < 1:
-            raise ValueError(f"lags is {self.lags}: at least 1 past observation is needed")
+            raise ValueError(f"lags must be at least 1, got {self.lags}.")
         if self.rule not in RULES:
-            raise ValueError(f"unknown rule {self.rule!r}: choose one of {', '.join(RULES)}")
-        if self.steps_per_sample <= 0 or self.alpha <= 0:
-            raise ValueError("steps_per_sample and alpha must be positive")
-
-
-class SensorVotes(NamedTuple):
-    """The models behind a selection."""
-
-    kept: np.ndarray  # (targets, L, S) bool, inputs with a weight; a constant sensor has no model
-    targets: np.ndarray  # (targets,) int, the sensor that each model predicts
-    alphas: np.ndarray  # (targets,) penalty of each model, in units of correlation
-    n_steps: int  # steps predicted, in all traces
+            raise ValueError(f"rule must be one of {RULES}, got {self.rule!r}.")
+        if self.sample_size < 2:
+            raise ValueError(f"sample_size must be at least 2, got {self.sample_size}.")
+        if not 0 < self.alpha < 1:
+            raise ValueError(f"alpha must lie between 0 and 1, got {self.alpha}.")
 
 
 class Moments(NamedTuple):
-    """Sums over all steps: everything a linear model can learn from them."""
+    """Sums over the rows (1, o(t), o(t-1), .. o(t-L)) of all traces."""
 
-    n_steps: int
-    products: np.ndarray  # (1 + Q + S, 1 + Q + S) of [1, inputs, targets]
+    products: np.ndarray  # (1 + (L+1) S, 1 + (L+1) S) float64, sum of outer products
+    n_traces: int
+    n_rows: int
 
 
-def select_sensors(
-    observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None
-) -> np.ndarray:
-    """The inputs kept by a majority of the lasso models.
+class SensorVotes(NamedTuple):
+    """What each sensor's model keeps. A sensor that never varies has no model and does not vote."""
 
-    Args:
-        observations: one (n_h, n_s) array per trace; traces of at most `lags` steps tell nothing.
-        lags: past observations that may be kept.
-        settings: what decides the strength of the penalty; its own `lags` is not used.
+    kept: np.ndarray  # (S, L, S) bool: to predict sensor j, its model keeps sensor l at lag k + 1
+    alphas: np.ndarray  # (S,) penalty chosen, NaN without a model
+    explained: np.ndarray  # (S,) share of the variance that the model explains, NaN without a model
+    n_traces: int  # long enough to be used
+    n_rows: int
 
-    Returns:
-        (lags, n_s) bool, row 0 being the step before. At least one input is kept: if no input has a majority,
-        those with the most votes.
 
-    Raises:
-        ValueError: if no trace is long enough, traces differ in their sensors, or no sensor ever changes.
+def select_sensors(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> np.ndarray:
+    """Inputs that more than half of the sensors' models keep, (lags, S) bool; row k is the observation o(t - k - 1).
+
+    Arguments and errors are those of `sensor_votes`; for a vote without a majority see `majority`.
     """
-    return majority(sensor_votes(observations, lags, settings or SensorSettings()).kept)
+    return majority(sensor_votes(observations, lags, settings).kept)
 
 
 def majority(kept: np.ndarray) -> np.ndarray:
-    """Inputs (L, S) that more than half of the models `kept` (targets, L, S) use, else those with the most votes."""
+    """Inputs kept by more than half of the models that keep any; (L, S) bool from (S, L, S).
+
+    When no input has a majority, those with the most votes are returned: a learner needs at least one.
+
+    Raises:
+        ValueError: if no model keeps anything.
+    """
     votes = kept.sum(axis=0)
-    winners = votes > len(kept) / 2
-    return winners if winners.any() else votes == votes.max()
+    n_voters = kept.any(axis=(1, 2)).sum()
+    if not n_voters:
+        raise ValueError("there is no vote to count: no sensor has a model.")
+    elected = 2 * votes > n_voters
+    return elected if elected.any() else votes == votes.max()
 
 
-def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings) -> SensorVotes:
-    """One lasso per sensor that changes; raises as `select_sensors` does."""
-    moments = accumulate(observations, lags)
-    n_sensors = (moments.products.shape[0] - 1) // (lags + 1)
-    correlation, varies = _correlations(moments)
-    n_inputs = lags * n_sensors
-    inputs = np.flatnonzero(varies[:n_inputs])
-    targets = np.flatnonzero(varies[n_inputs:])
+def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
+    """A lasso model for every sensor: o_j(t) from all sensors at t-1 .. t-L, all standardised.
+
+    Every model keeps at least one input, the one that correlates best with its target.
+
+    Args:
+        observations: traces (T, S), of different lengths; those not longer than `lags` are skipped.
+        lags: L, >= 1.
+        settings: the rule for the penalty, by default `SensorSettings()`; its `lags` is not used here.
+
+    Raises:
+        ValueError: if traces are not finite or of different S, none is long enough, or no sensor ever varies.
+    """
+    settings = settings or SensorSettings()
+    moments = sum_moments(observations, lags)
+    correlations, varies = standardise(moments)
+    n_sensors = len(correlations) // (lags + 1)
+    targets = np.flatnonzero(varies[:n_sensors])
+    inputs = n_sensors + np.flatnonzero(varies[n_sensors:])
     if not len(targets) or not len(inputs):
-        raise ValueError("no sensor ever changes in these traces: there is nothing to predict")
-    gram = correlation[np.ix_(inputs, inputs)]
-    kept = np.zeros((len(targets), n_inputs), bool)
-    alphas = np.zeros(len(targets))
-    for model, target in enumerate(targets):
-        weights, alphas[model] = _lasso(gram, correlation[inputs, n_inputs + target], moments.n_steps, settings)
-        kept[model, inputs] = weights != 0
-    return SensorVotes(kept.reshape(-1, lags, n_sensors), targets, alphas, moments.n_steps)
+        raise ValueError("no sensor ever varies: observations of at least one must differ.")
+    gram = correlations[np.ix_(inputs, inputs)] + NOISE * np.eye(len(inputs))
+
+    kept = np.zeros((n_sensors, lags * n_sensors), bool)
+    alphas, explained = np.full((2, n_sensors), np.nan)
+    for j in targets:
+        weights, alphas[j], explained[j] = fit_lasso(gram, correlations[inputs, j], settings, moments)
+        kept[j, inputs - n_sensors] = weights != 0
+    return SensorVotes(kept.reshape(n_sensors, lags, n_sensors), alphas, explained, moments.n_traces, moments.n_rows)
 
 
-def accumulate(observations: Iterable[np.ndarray], lags: int) -> Moments:
-    """Moments of inputs and targets over all traces; raises ValueError as `select_sensors` does."""
+def sum_moments(observations: Iterable[np.ndarray], lags: int) -> Moments:
+    """The moments of all traces longer than `lags`; errors as `sensor_votes`."""
     if lags < 1:
-        raise ValueError(f"lags is {lags}: at least 1 past observation is needed")
-    n_steps, products = 0, None
+        raise ValueError(f"lags must be at least 1, got {lags}.")
+    products, n_traces, n_rows, n_sensors = 0.0, 0, 0, None
     for trace in observations:
-        trace = np.asarray(trace, np.float32)
-        if trace.ndim != 2:
-            raise ValueError(f"a trace must have shape (steps, sensors), not {trace.shape}")
-        size = 1 + (lags + 1) * trace.shape[1]
-        if products is None:
-            products = np.zeros((size, size))
-        if products.shape[0] != size:
-            raise ValueError("traces differ in their number of sensors")
-        for start in range(0, len(trace) - lags, CHUNK):
-            piece = trace[start : start + CHUNK + lags]
-            n_rows = len(piece) - lags
-            # Column blocks: the constant, the observations 1 to `lags` steps ago, the observation to predict.
-            past = [piece[lags - lag : lags - lag + n_rows] for lag in range(1, lags + 1)]
-            rows = np.concatenate([np.ones((n_rows, 1), np.float32), *past, piece[lags:]], axis=1)
-            products += rows.T @ rows
-            n_steps += n_rows
-    if not n_steps:
-        raise ValueError(f"no trace is longer than {lags} steps: there is nothing to predict")
-    return Moments(n_steps, products)
+        trace = np.asarray(trace, np.float64)
+        n_sensors = n_sensors or trace.shape[-1]
+        if trace.ndim != 2 or trace.shape[1] != n_sensors:
+            raise ValueError(f"observations must be (steps, {n_sensors} sensors) in all traces, got {trace.shape}.")
+        if not np.isfinite(trace).all():
+            raise ValueError("observations must be finite: a trace holds NaN or infinite values.")
+        if len(trace) <= lags:
+            continue
+        for first in range(lags, len(trace), CHUNK):
+            last = min(first + CHUNK, len(trace))
+            shifted = [trace[first - k : last - k] for k in range(lags + 1)]
+            rows = np.hstack([np.ones((last - first, 1)), *shifted])
+            products = products + rows.T @ rows
+        n_traces, n_rows = n_traces + 1, n_rows + len(trace) - lags
+    if not n_traces:
+        raise ValueError(f"no trace is longer than {lags} steps: use longer tests or fewer lags.")
+    return Moments(products, n_traces, n_rows)
 
 
-def _correlations(moments: Moments) -> tuple[np.ndarray, np.ndarray]:
-    """Correlation matrix (Q + S, Q + S) of inputs and targets, and which of them vary at all."""
-    mean = moments.products[0, 1:] / moments.n_steps
-    covariance = moments.products[1:, 1:] / moments.n_steps - np.outer(mean, mean)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    varies = deviation > 1e-4  # below single precision's noise of a constant
-    scale = np.where(varies, deviation, 1.0)
-    return covariance / np.outer(scale, scale), varies
+def standardise(moments: Moments) -> tuple[np.ndarray, np.ndarray]:
+    """Correlations between the columns o(t), o(t-1), .. o(t-L), and which columns vary; 0 for those that do not."""
+    square = np.diag(moments.products)[1:] / moments.n_rows
+    mean = moments.products[0, 1:] / moments.n_rows
+    covariance = moments.products[1:, 1:] / moments.n_rows - np.outer(mean, mean)
+    varies = np.diag(covariance) > CONSTANT * square
+    unit = np.sqrt(np.where(varies, np.diag(covariance), 1.0))
+    return covariance / np.outer(unit, unit) * np.outer(varies, varies), varies
 
 
-def _lasso(
-    gram: np.ndarray, target: np.ndarray, n_steps: int, settings: SensorSettings
-) -> tuple[np.ndarray, float]:
-    """Weights and penalty of the lasso chosen by the rule; never without any weight."""
+def fit_lasso(
+    gram: np.ndarray, correlation: np.ndarray, settings: SensorSettings, moments: Moments
+) -> tuple[np.ndarray, float, float]:
+    """The lasso model of one target at the penalty that the rule chooses.
+
+    Args:
+        gram: (P, P) correlations between the inputs.
+        correlation: (P,) of the inputs with the target.
+        settings: the rule.
+        moments: where the inputs come from, for the rules that count.
+
+    Returns:
+        Weights (P,), not all zero, the penalty, and the share of the target's variance explained.
+    """
+    from sklearn.exceptions import ConvergenceWarning  # takes a second to import: only those who fit pay
     from sklearn.linear_model import lars_path_gram
 
-    alphas, _, path = lars_path_gram(Xy=target, Gram=gram, n_samples=1, method="lasso")
+    least = settings.alpha if settings.rule == "fixed" else 0.0
+    with warnings.catch_warnings():
+        # A target that is explained down to rounding ends its path early, as it should.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        alphas, _, path = lars_path_gram(
+            correlation, gram, n_samples=1, method="lasso", alpha_min=least, max_iter=20 * len(gram)
+        )
+    path[np.abs(path) < NEGLIGIBLE] = 0.0
+    unexplained = 1 - 2 * correlation @ path + np.einsum("ip,ij,jp->p", path, gram, path)
     if settings.rule == "fixed":
-        after = np.flatnonzero(alphas <= settings.alpha)
-        # Weights change linearly between two knots of the path, and keep their support.
-        choice = int(after[0]) if len(after) else len(alphas) - 1
+        chosen = len(alphas) - 1
     else:
-        n_samples = max(n_steps / settings.steps_per_sample, 2.0)
-        residual = 1.0 - 2.0 * target @ path + np.einsum("qk,qp,pk->k", path, gram, path)
-        n_weights = (path != 0).sum(axis=0)
-        criterion = n_samples * np.log(np.maximum(residual, 1e-12)) + n_weights * np.log(n_samples)
-        choice = int(np.argmin(criterion))
-    choice = max(choice, 1)
-    return path[:, choice], float(alphas[choice])
+        counts = {"bic": settings.sample_size, "bic_traces": moments.n_traces, "bic_rows": moments.n_rows}
+        chosen = _least_bic(path, unexplained, counts[settings.rule])
+    weights = path[:, chosen]
+    if not weights.any():
+        best = np.abs(correlation).argmax()
+        weights = np.where(np.arange(len(gram)) == best, correlation, 0.0)
+        unexplained[chosen] = 1 - correlation[best] ** 2
+    return weights, alphas[chosen], 1 - unexplained[chosen]
+
+
+def _least_bic(path: np.ndarray, unexplained: np.ndarray, n: int) -> int:
+    """Place on the path (P, places) of the least Bayesian information criterion for n observations."""
+    misfit = n * np.log(np.maximum(unexplained, NEGLIGIBLE))
+    return int(np.argmin(misfit + np.log(n) * (path != 0).sum(axis=0)))

@@ -40,7 +40,7 @@ def tests_of(task: Task, domains: Domain) -> tuple[Domain, int]:
 def run(
     task: Task, recorder: Recorder, networks: Network, domains: Domain, keys: jax.Array
 ) -> tuple[Any, jax.Array, jax.Array]:
-    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done.
+    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done or idle.
 
     Args:
         task: the task.
@@ -53,9 +53,12 @@ def run(
         Descriptions by the recorder (L, ...), rewards (L,), steps lived (L,) int32.
     """
 
+    def goes_on(states):
+        return ~states.done & ~jax.vmap(task.is_idle)(states)
+
     def step(carry, t):
         states, activities, rewards, steps, records = carry
-        alive = ~states.done & (t < n_steps)
+        alive = goes_on(states) & (t < n_steps)
         # Every lane has its own weights, repeated if need be: a batch of matrix-vector products stays inside the
         # one kernel that the loop compiles to, a product with shared weights does not.
         activities = jax.vmap(dnn.step)(networks, activities, states.observation)
@@ -65,23 +68,16 @@ def run(
             domains, records, moments
         )
         after = jax.vmap(task.step)(domains, states, commands)
-        if n_steps % chunk:  # the last chunk runs over the end
-            after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, states)
-        return (
-            after,
-            activities,
-            rewards + jnp.where(alive, after.reward, 0.0),
-            steps + alive,
-            records,
-        ), None
+        after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, states)
+        return (after, activities, rewards + jnp.where(alive, after.reward, 0.0), steps + alive, records), None
 
     def run_chunk(carry):
         inner, i = carry
         return jax.lax.scan(step, inner, i * chunk + jnp.arange(chunk))[0], i + 1
 
-    def goes_on(carry):
+    def any_goes_on(carry):
         (states, *_), i = carry
-        return (i < n_chunks) & ~jnp.all(states.done)
+        return (i < n_chunks) & jnp.any(goes_on(states))
 
     n_steps = task.max_steps
     chunk = min(CHUNK, n_steps)
@@ -92,7 +88,7 @@ def run(
         lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, n_steps)
     )
     inner = (states, jax.vmap(dnn.rest)(networks), jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
-    states, _, rewards, steps, records = jax.lax.while_loop(goes_on, run_chunk, (inner, jnp.int32(0)))[0]
+    states, _, rewards, steps, records = jax.lax.while_loop(any_goes_on, run_chunk, (inner, jnp.int32(0)))[0]
     return jax.vmap(partial(recorder.finish, task))(domains, records, states), rewards, steps
 
 

@@ -46,7 +46,7 @@ def crowding_distance(objectives: jax.Array, ranks: jax.Array) -> jax.Array:
     Returns:
         (P,) float32 distances, possibly infinite.
     """
-    objectives = _checked(objectives)
+    objectives, ranks = _checked(objectives), jnp.asarray(ranks)
     n = objectives.shape[0]
 
     def along(values: jax.Array) -> jax.Array:
@@ -83,6 +83,7 @@ def survivors(ranks: jax.Array, crowding: jax.Array, n: int) -> jax.Array:
 
 def tournament(key: jax.Array, ranks: jax.Array, crowding: jax.Array, n: int) -> jax.Array:
     """Indices (n,) of parents: each the better of two random individuals by rank, then crowding, then coin."""
+    ranks, crowding = jnp.asarray(ranks), jnp.asarray(crowding)
     key_pairs, key_coin = jax.random.split(key)
     a, b = jax.random.randint(key_pairs, (2, n), 0, ranks.shape[0])
     a_wins = (ranks[a] < ranks[b]) | ((ranks[a] == ranks[b]) & (crowding[a] > crowding[b]))

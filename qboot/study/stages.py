@@ -28,6 +28,7 @@ from qboot.qlearning.inputs import InputSet, input_set
 from qboot.qlearning.learner import EpisodeInfo, LearnerState
 from qboot.qlearning.networks import QNetworks
 from qboot.study import files
+from qboot.study.files import RunError
 from qboot.study.progress import Progress
 from qboot.study.runs import Run
 
@@ -81,7 +82,12 @@ def extract_stage(run: Run, workers: int) -> None:
         return
     ancestors = read_lineage(run)
     with Progress(f"extract {run.label}", len(ancestors.ids)) as progress:
-        flow, _ = traces(source_problem(run, workers), ancestors, progress.update)
+        flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
+    if not np.array_equal(scores, ancestors.scores):
+        raise RunError(
+            f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
+            "version of qboot or on other hardware; evolve again on this one"
+        )
     segments = [linear_segments(trace.commands.T) for trace in flow]
     segments = jax.tree.map(lambda *parts: np.concatenate(parts), *segments)
     # The same int seed for k-means++, whatever JAX's keys look like.

@@ -1,0 +1,166 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.linear_model import Lasso
+
+from qboot.extraction import sensors
+from qboot.extraction.sensors import NOISE, RULES, SensorSettings, majority, select_sensors, sensor_votes, sum_moments
+
+LAGS = 3
+
+
+def driven_traces(n_traces, n_steps, seed):
+    """Four sensors: two slow independent ones, one that follows the first two steps later, one that never varies."""
+    random = np.random.default_rng(seed)
+    traces = []
+    for _ in range(n_traces):
+        noise = random.normal(size=(n_steps, 3))
+        trace = np.zeros((n_steps, 4))
+        for t in range(2, n_steps):
+            trace[t, 0] = 0.8 * trace[t - 1, 0] + noise[t, 0]
+            trace[t, 1] = 0.8 * trace[t - 1, 1] + noise[t, 1]
+            trace[t, 2] = trace[t - 2, 0] + 0.1 * noise[t, 2]
+        trace[:, 3] = 0.7
+        traces.append(trace)
+    return traces
+
+
+@pytest.fixture(scope="module")
+def traces():
+    return driven_traces(6, 400, 0)
+
+
+def design_matrix(traces, lags):
+    """Inputs and targets of all rows, standardised, written as loops."""
+    inputs, targets = [], []
+    for trace in traces:
+        for t in range(lags, len(trace)):
+            inputs.append(np.concatenate([trace[t - k] for k in range(1, lags + 1)]))
+            targets.append(trace[t])
+    return [(x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-9) for x in (np.array(inputs), np.array(targets))]
+
+
+def test_moments_are_those_of_the_design_matrix(traces, monkeypatch):
+    monkeypatch.setattr(sensors, "CHUNK", 57)
+    moments = sum_moments(traces, LAGS)
+    rows = [
+        np.concatenate([[1], *(trace[t - k] for k in range(LAGS + 1))])
+        for trace in traces
+        for t in range(LAGS, len(trace))
+    ]
+    np.testing.assert_allclose(moments.products, np.transpose(rows) @ rows, atol=1e-9)
+    assert (moments.n_traces, moments.n_rows) == (6, 6 * 397)
+
+
+@pytest.mark.parametrize("alpha", [0.3, 0.05, 0.01, 0.002])
+def test_fixed_penalty_keeps_what_an_ordinary_lasso_keeps(traces, alpha):
+    inputs, targets = design_matrix(traces, LAGS)
+    n = len(inputs)
+    # Rows that add the supposed noise to the inputs' covariance, and nothing else.
+    noise = np.sqrt(n * NOISE) * np.eye(inputs.shape[1])
+    votes = sensor_votes(traces, LAGS, SensorSettings(rule="fixed", alpha=alpha))
+    for j in range(3):
+        lasso = Lasso(alpha=alpha * n / (n + len(noise)), fit_intercept=False, tol=1e-12, max_iter=100_000)
+        lasso.fit(np.vstack([inputs, noise]), np.append(targets[:, j], np.zeros(len(noise))))
+        np.testing.assert_array_equal(votes.kept[j].ravel(), lasso.coef_ != 0)
+        assert votes.alphas[j] == pytest.approx(alpha)
+        residual = ((targets[:, j] - inputs @ lasso.coef_) ** 2).mean() + NOISE * (lasso.coef_**2).sum()
+        assert votes.explained[j] == pytest.approx(1 - residual, abs=1e-6)
+
+
+def test_votes_find_what_drives_each_sensor(traces):
+    votes = sensor_votes(traces, LAGS, SensorSettings(rule="bic_rows"))
+    for target, lag, sensor in ((0, 1, 0), (1, 1, 1), (2, 2, 0)):
+        assert votes.kept[target, lag - 1, sensor]
+    assert not votes.kept[1, :, [0, 2]].any()
+    assert not votes.kept[3].any(), "a constant sensor has no model"
+    assert not votes.kept[:, :, 3].any(), "and predicts nothing"
+    assert np.isnan(votes.alphas).tolist() == np.isnan(votes.explained).tolist() == [False, False, False, True]
+    assert (votes.explained[:3] > [0.5, 0.5, 0.95]).all()
+
+
+def test_larger_samples_keep_more(traces):
+    counts = [
+        sensor_votes(traces, LAGS, SensorSettings(sample_size=n)).kept.sum() for n in (2, 100, 10_000, 10_000_000)
+    ]
+    assert counts == sorted(counts)
+    assert counts[0] >= 3, "every model keeps something"
+    assert counts[0] < counts[-1]
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_order_of_traces_does_not_matter(traces, rule):
+    settings = SensorSettings(rule=rule)
+    selected = select_sensors(traces, LAGS, settings)
+    assert (selected.shape, selected.dtype) == ((LAGS, 4), bool)
+    np.testing.assert_array_equal(select_sensors(traces[::-1], LAGS, settings), selected)
+
+
+def test_order_of_sensors_is_that_of_the_selection(traces):
+    order = np.array([2, 3, 0, 1])
+    selected = select_sensors(traces, LAGS)
+    np.testing.assert_array_equal(select_sensors((trace[:, order] for trace in traces), LAGS), selected[:, order])
+
+
+def test_units_of_the_sensors_do_not_matter(traces):
+    scaled = [100 + trace * [1e-3, 1.0, 50.0, 1.0] for trace in traces]
+    np.testing.assert_array_equal(select_sensors(scaled, LAGS), select_sensors(traces, LAGS))
+
+
+def test_sensors_that_are_sums_of_others_are_no_obstacle(traces):
+    doubled = [np.column_stack([trace, trace[:, 0] - trace[:, 1], trace[:, 0]]) for trace in traces]
+    votes = sensor_votes(doubled, LAGS)
+    assert (votes.explained[[0, 1, 2, 4, 5]] <= 1).all()
+    assert votes.kept[[0, 1, 2, 4, 5]].any(axis=(1, 2)).all()
+
+
+def test_short_traces_are_left_out(traces):
+    short = [np.full((LAGS, 4), 5.0), np.zeros((0, 4))]
+    votes = sensor_votes([*short, *traces], LAGS)
+    assert votes.n_traces == len(traces)
+    np.testing.assert_array_equal(votes.kept, sensor_votes(traces, LAGS).kept)
+
+
+@given(st.integers(1, 7), st.integers(0, 2**31))
+@settings(max_examples=50, deadline=None)
+def test_majority_is_more_than_half_of_those_who_vote(n_voters, seed):
+    kept = np.random.default_rng(seed).random((n_voters, 2, 3)) < 0.6
+    kept[:, 0, 0] = True
+    elected = majority(np.concatenate([kept, np.zeros((2, 2, 3), bool)]))
+    for lag in range(2):
+        for sensor in range(3):
+            assert elected[lag, sensor] == (sum(kept[:, lag, sensor]) > n_voters / 2)
+
+
+def test_without_a_majority_those_with_most_votes_are_kept():
+    # Four sensors of which each predicts itself, and one predicts the second too.
+    kept = np.zeros((4, 2, 4), bool)
+    kept[np.arange(4), 0, np.arange(4)] = True
+    kept[3, 0, 1] = True
+    assert np.argwhere(majority(kept)).tolist() == [[0, 1]]
+    with pytest.raises(ValueError, match="no vote"):
+        majority(np.zeros((4, 2, 4), bool))
+
+
+@pytest.mark.parametrize(
+    ("observations", "lags", "message"),
+    [
+        ([np.zeros((9, 2))], 0, "lags"),
+        ([np.zeros((9, 2))], 3, "no sensor ever varies"),
+        ([np.zeros((9, 2)), np.zeros((9, 3))], 3, "2 sensors"),
+        ([np.zeros(9)], 3, "steps"),
+        ([np.full((9, 2), np.nan)], 3, "finite"),
+        ([np.zeros((3, 2))], 3, "no trace is longer than 3 steps"),
+        ([], 3, "no trace is longer"),
+    ],
+)
+def test_unusable_observations_are_refused(observations, lags, message):
+    with pytest.raises(ValueError, match=message):
+        select_sensors(observations, lags)
+
+
+@pytest.mark.parametrize("change", [{"lags": 0}, {"rule": "aic"}, {"sample_size": 1}, {"alpha": 0.0}])
+def test_settings_outside_their_range_are_refused(change):
+    with pytest.raises(ValueError, match=next(iter(change))):
+        SensorSettings(**change)
