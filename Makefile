@@ -26,7 +26,7 @@ test-slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
 
 bench: $(VENV)/installed
-	$(BIN)/python -m experiments.bench
+	$(BIN)/python experiments/bench.py
 
 lint: $(VENV)/installed
 	$(BIN)/ruff check .

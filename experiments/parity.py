@@ -100,9 +100,7 @@ def domains(width: np.ndarray, n_steps: int) -> blocks.Block:
 
 @jax.jit
 @jax.vmap
-def advance(
-    domain: blocks.Block, hand: jax.Array, block: jax.Array, command: jax.Array
-) -> box_pushing.PushState:
+def advance(domain: blocks.Block, hand: jax.Array, block: jax.Array, command: jax.Array) -> box_pushing.PushState:
     """The state one step after hand (3,) and block (3,) were put in place."""
     return box_pushing.task("mjx").step(domain, box_pushing.state_at(domain, hand, block), command)
 
@@ -244,9 +242,7 @@ def load(path: str) -> dict:
 
 def main() -> None:
     """Parse the command line, compare, print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("environment", choices=COMMANDS)
     parser.add_argument("file", help="recorded runs (.npz)")
     arguments = parser.parse_args()

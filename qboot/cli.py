@@ -80,9 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("replay", "an HTML page that plays the best network and the Q-policy of a run", _replay)
     sub.add_argument("--out", type=Path, required=True, help="run folder")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
-    sub.add_argument(
-        "--out", type=Path, required=True, help="folder of the study, for instance results/quick"
-    )
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/quick")
     sub = command("reproduce", "all runs of a study, spread over the cores, and the report", _reproduce)
     sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper")
     sub.add_argument("--task", help="one task alone; default all")
@@ -110,9 +108,7 @@ def _run(options: argparse.Namespace, rest: list[str], runs):
             raise ValueError("say which run: --out DIR of one begun, or --task for a new one")
         given = [f"--{name}" for name in ("profile", "source", "seed") if getattr(options, name) is not None]
         if given or rest:
-            raise ValueError(
-                f"{' '.join(given + rest)} without --task: a run that exists has its settings already"
-            )
+            raise ValueError(f"{' '.join(given + rest)} without --task: a run that exists has its settings already")
         return runs.load(options.out)
     settings = _settings(options, rest)
     default = Path("results") / settings.profile / settings.task / f"{settings.source}-{settings.seed}"
@@ -133,9 +129,7 @@ def _settings(options: argparse.Namespace, rest: list[str]):
 
 
 def _show_help(options: argparse.Namespace) -> None:
-    choices = (
-        _parser()._subparsers._group_actions[0].choices
-    )  # argparse has no public way to a subcommand's parser
+    choices = _parser()._subparsers._group_actions[0].choices  # argparse has no public way to a subcommand's parser
     choices[options.command].print_help()
     print("\nEvery setting of a run can be changed when it is begun; these are the defaults:\n")
     options.task = options.task or "ball_collecting"
@@ -158,7 +152,7 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import report, runner
 
     out = options.out or Path("results") / options.profile
-    runner.reproduce(options.profile, [options.task] if options.task else None, out, options.jobs)
+    runner.reproduce(options.profile, options.task, out, options.jobs)
     print(report.write(out))
 
 

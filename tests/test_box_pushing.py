@@ -105,9 +105,7 @@ def test_model_has_the_constants_of_the_arm():
     np.testing.assert_allclose(model.actuator_gear[:, 0], -arm.FORCE)
     np.testing.assert_allclose(model.geom("hand").size, arm.HALF_SIZE)
     assert model.pair_solimp[0, 0] == box_pushing_kinematic.SHARE_OF_ADVANCE
-    np.testing.assert_allclose(
-        -model.pair_solref[0, 0] * arm.TIME_STEP**2, box_pushing_kinematic.SHARE_OF_OVERLAP
-    )
+    np.testing.assert_allclose(-model.pair_solref[0, 0] * arm.TIME_STEP**2, box_pushing_kinematic.SHARE_OF_OVERLAP)
 
 
 def test_starts():
@@ -244,9 +242,7 @@ def test_ten_million_random_steps_are_finite():
         return (states._replace(done=jnp.zeros(n_lanes, bool), block=start.block), finite, n_contacts), None
 
     keys = jax.random.split(jax.random.key(1), n_steps)
-    (_, finite, n_contacts), _ = jax.jit(partial(jax.lax.scan, step))(
-        (start, jnp.array(True), jnp.int32(0)), keys
-    )
+    (_, finite, n_contacts), _ = jax.jit(partial(jax.lax.scan, step))((start, jnp.array(True), jnp.int32(0)), keys)
     assert finite
     assert n_contacts > 10_000
 

@@ -30,9 +30,7 @@ def test_hamming(seed, n):
     words = np.random.default_rng(seed).integers(0, 2**16, (n, 2, 7), dtype=np.uint16)
     expected = pairwise(
         words,
-        lambda a, b: (
-            np.mean([bin(int(x) ^ int(y)).count("1") for x, y in zip(a.flat, b.flat, strict=True)]) / 16
-        ),
+        lambda a, b: np.mean([bin(int(x) ^ int(y)).count("1") for x, y in zip(a.flat, b.flat, strict=True)]) / 16,
     )
     np.testing.assert_allclose(diversity.hamming(words), expected, rtol=1e-5)
 
@@ -70,10 +68,7 @@ def test_trajectory(seed):
         cells[individual, test, random.integers(1, 10) :] = -1
 
     def distance(a, b):
-        return sum(
-            edit_distance([c for c in x if c >= 0], [c for c in y if c >= 0])
-            for x, y in zip(a, b, strict=True)
-        )
+        return sum(edit_distance([c for c in x if c >= 0], [c for c in y if c >= 0]) for x, y in zip(a, b, strict=True))
 
     expected = pairwise(cells, distance) / (2 * 9)
     np.testing.assert_allclose(diversity.trajectory(cells), expected, rtol=1e-6)

@@ -9,8 +9,8 @@ from qboot.neuroevolution import dnn, evaluation, evolve
 from qboot.neuroevolution.behaviour import FLOW, RECORDERS
 from qboot.neuroevolution.dnn import Topology
 from qboot.neuroevolution.evolve import EvolutionSettings, Problem
-from qboot.neuroevolution.variation import MutationRates
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
+from qboot.neuroevolution.variation import MutationRates
 
 TASK = ball_collecting.TASK._replace(max_steps=130)
 SETTINGS = EvolutionSettings(population=6, generations=4, diversity_period=2)
@@ -94,9 +94,7 @@ def test_transfer_starts_from_the_front():
 def test_records_are_those_of_the_whole_flow(name):
     """Each description, made step by step in the compiled loop, against the same made from the recorded flow."""
     task = ball_collecting.TASK._replace(max_steps=600)
-    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(
-        jax.random.split(jax.random.key(3), 4), Topology()
-    )
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), 4), Topology())
     keys = jax.random.split(jax.random.key(4), 4)
     domains = task.source_domains("A")
     result = evaluation.evaluate(task, Topology(), RECORDERS[name], genomes, domains, keys)
@@ -117,9 +115,7 @@ def test_records_are_those_of_the_whole_flow(name):
         assert description.shape == (4, 2, 12)
         np.testing.assert_array_equal(description >= 0, lived[..., ::50])
         start = task.reset(None, jax.tree.map(lambda leaf: leaf[1], domains))
-        assert (
-            description[:, 1, 0] == int(task.position(jax.tree.map(lambda leaf: leaf[1], domains), start))
-        ).all()
+        assert (description[:, 1, 0] == int(task.position(jax.tree.map(lambda leaf: leaf[1], domains), start))).all()
     else:
         assert description.shape == (4, 2, 8)
 
@@ -130,9 +126,7 @@ def test_blocks_do_not_change_results():
     )
     keys = jax.random.split(jax.random.key(1), 7)
     function = jax.jit(
-        lambda g, k: evaluation.evaluate(
-            TASK, Topology(), RECORDERS["hamming"], g, TASK.source_domains("A"), k
-        )
+        lambda g, k: evaluation.evaluate(TASK, Topology(), RECORDERS["hamming"], g, TASK.source_domains("A"), k)
     )
     assert_same(
         evaluation.in_blocks(function, 1, genomes, keys, block=3),
@@ -142,9 +136,7 @@ def test_blocks_do_not_change_results():
 
 def test_the_evaluation_loop_is_one_kernel():
     """XLA compiles the loop into one call; without that, a simulation is about twice as slow."""
-    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(
-        jax.random.split(jax.random.key(0), 4), Topology()
-    )
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 4), Topology())
     keys = jax.random.split(jax.random.key(1), 4)
     for recorder in RECORDERS.values():
         function = jax.jit(

@@ -24,9 +24,7 @@ def oracle_ranks(objectives):
         front = {
             i
             for i in left
-            if not any(
-                (objectives[j] >= objectives[i]).all() and (objectives[j] > objectives[i]).any() for j in left
-            )
+            if not any((objectives[j] >= objectives[i]).all() and (objectives[j] > objectives[i]).any() for j in left)
         }
         for i in front:
             ranks[i] = rank
@@ -98,9 +96,7 @@ def test_crowding_does_not_depend_on_order_or_scale():
     ranks = np.asarray(nsga2.non_dominated_rank(objectives))
     crowding = np.asarray(nsga2.crowding_distance(objectives, ranks))
     order = random.permutation(30)
-    np.testing.assert_allclose(
-        nsga2.crowding_distance(objectives[order], ranks[order]), crowding[order], rtol=1e-6
-    )
+    np.testing.assert_allclose(nsga2.crowding_distance(objectives[order], ranks[order]), crowding[order], rtol=1e-6)
     np.testing.assert_allclose(nsga2.crowding_distance(objectives * 8 + 2, ranks), crowding, rtol=1e-4)
 
 

@@ -177,8 +177,7 @@ def test_a_rollout_is_the_evaluated_test(history):
 
 
 @pytest.mark.skipif(
-    "xla_cpu_small_while_loop_byte_threshold" not in os.environ.get("XLA_FLAGS", "")
-    or jax.default_backend() != "cpu",
+    "xla_cpu_small_while_loop_byte_threshold" not in os.environ.get("XLA_FLAGS", "") or jax.default_backend() != "cpu",
     reason="needs XLA's option for small loops, on a CPU",
 )
 def test_the_loops_of_acting_and_replay_are_compiled_whole():

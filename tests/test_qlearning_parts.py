@@ -66,9 +66,7 @@ def test_an_action_earns_what_equation_3_says():
 def test_an_action_stops_where_the_test_ends():
     task = corridor((CELLS - 1, CELLS - 2))
     situation, settings = start(task)
-    after, earned, rewards = execute(
-        task, task.source_domains("A")[0], action_set(), jnp.int32(1), situation, settings
-    )
+    after, earned, rewards = execute(task, task.source_domains("A")[0], action_set(), jnp.int32(1), situation, settings)
     assert (int(after.step), float(earned.value), float(rewards)) == (1, REWARD, REWARD)
 
 

@@ -71,9 +71,7 @@ def corridor_step(domain, state, command):
 
 def corridor(*domains, max_steps=60, tests_per_domain=1):
     domains = jnp.array(domains, jnp.int32)
-    return toy_task(
-        "corridor", CELLS + 1, max_steps, REWARD, corridor_reset, corridor_step, domains, tests_per_domain
-    )
+    return toy_task("corridor", CELLS + 1, max_steps, REWARD, corridor_reset, corridor_step, domains, tests_per_domain)
 
 
 def corridor_optimal_values(slopes, intercepts, durations, gamma, goal):

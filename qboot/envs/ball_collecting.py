@@ -103,13 +103,13 @@ def settle(before: Posture, tentative: Posture, contact: Contact) -> Posture:
 
 
 def lasers(domain: arenas.Arena, centre: jax.Array, headings: jax.Array) -> jax.Array:
-    """Distance in units from `centre` (2,) to the first wall along `headings` (N, 2); infinite if out of range; (N,)."""
+    """Distance in units from `centre` (2,) to the first wall along `headings` (N, 2); (N,), infinite out of range."""
     ends = centre + domain.laser_range * headings
     return domain.pixel * geometry.range_to_walls(centre / domain.pixel, ends / domain.pixel, domain.walls)
 
 
 def lights(domain: arenas.Arena, centre: jax.Array, axes: jax.Array, points: jax.Array) -> jax.Array:
-    """Whether the detectors along `axes` (N, 2) see each of `points` (K, 2): in the opening, no wall between; (N, K)."""
+    """Whether detectors along `axes` (N, 2) see `points` (K, 2): in the opening, no wall between; (N, K) bool."""
     offset = points - centre
     along = axes[:, 0, None] * offset[:, 0] + axes[:, 1, None] * offset[:, 1]
     inside = along >= jnp.sqrt(offset[:, 0] ** 2 + offset[:, 1] ** 2) * math.cos(LIGHT_HALF_OPENING)
@@ -258,15 +258,16 @@ TASK = Task(
 
 
 class BallCollecting(TaskEnv):
-    """Ball collecting as a Brax environment.
-
-    Args:
-        arena: "A", "B" or "C".
-        placement: 0, 1 or 2, where robot, balls, switch and basket are.
-
-    Raises:
-        ValueError: for an unknown arena or placement.
-    """
+    """Ball collecting as a Brax environment."""
 
     def __init__(self, arena: str = "A", placement: int = 0):
+        """Choose the domain.
+
+        Args:
+            arena: "A", "B" or "C".
+            placement: 0, 1 or 2, where robot, balls, switch and basket are.
+
+        Raises:
+            ValueError: for an unknown arena or placement.
+        """
         super().__init__(TASK, arenas.arena(arena, placement))

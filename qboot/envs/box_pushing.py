@@ -30,9 +30,7 @@ PHYSICS = {"mjx": box_pushing_mjx.move, "kinematic": box_pushing_kinematic.move}
 
 # The range of each sensor, scaled to [0, 1] and clipped.
 SENSOR_LOW = np.array([0.076, -0.35, 0.7145, 0, 0, 0, 0, 0, 0, 0, 0, -0.46, -0.54], np.float32)
-SENSOR_HIGH = np.array(
-    [0.62, 0.11, 0.827, 0.48, 0.44, 0.48, 0.55, 0.07, 0.67, 0.71, 0.93, 0.68, 0.56], np.float32
-)
+SENSOR_HIGH = np.array([0.62, 0.11, 0.827, 0.48, 0.44, 0.48, 0.55, 0.07, 0.67, 0.71, 0.93, 0.68, 0.56], np.float32)
 REWARD = 10.0
 NORMAL_ALIGNMENT = 0.98  # at least this much of the contact normal points along +y
 CENTRING = 0.02  # m, largest distance in x and z between the centres
@@ -92,9 +90,7 @@ def is_pushed_left(hand: jax.Array, block: jax.Array, normal: jax.Array) -> jax.
     return (normal[1] >= NORMAL_ALIGNMENT) & centred
 
 
-def step(
-    move: Callable[..., arm.Motion], domain: blocks.Block, state: PushState, action: jax.Array
-) -> PushState:
+def step(move: Callable[..., arm.Motion], domain: blocks.Block, state: PushState, action: jax.Array) -> PushState:
     """One step of 0.01 s by the physics `move`: `action` (3,) in [0, 1] drives the x, y and z sliders."""
     motion = move(domain, state.hand, state.block, action)
     hand = jnp.where(state.done, state.hand, motion.hand)

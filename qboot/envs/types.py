@@ -40,9 +40,7 @@ class Task(NamedTuple):
     reward: float  # size of one reward (equations 7 and 8)
     feed_forward: bool  # whether evolved networks must be acyclic (appendix B)
     reset: Callable[[jax.Array, Domain], TaskState]  # (key, domain) -> state
-    step: Callable[
-        [Domain, TaskState, jax.Array], TaskState
-    ]  # (domain, state, (E,) commands in [0, 1]) -> state
+    step: Callable[[Domain, TaskState, jax.Array], TaskState]  # (domain, state, (E,) commands in [0, 1]) -> state
     is_idle: Callable[[TaskState], jax.Array]  # -> () bool: nothing happens any more, evaluating may stop here
     source_domains: Callable[[str], Domain]  # source name -> domains (D, ...)
     target_domains: Callable[[str], Domain]  # source name -> domains (D, ...), none of them in the source

@@ -1,0 +1,1 @@
+"""Neuro-evolution: DNN networks under NSGA-II with behavioural diversity (paper, section III-B)."""

@@ -55,9 +55,7 @@ def _start_bits(task: Task, n_steps: int) -> jax.Array:
 
 def _update_bits(task: Task, domain: Domain, record: jax.Array, moment: Moment) -> jax.Array:
     on = _channels(moment) >= 0.5
-    return _write(
-        record, moment.t, jnp.sum(on * (1 << jnp.arange(on.shape[0])), dtype=jnp.int32), moment.alive
-    )
+    return _write(record, moment.t, jnp.sum(on * (1 << jnp.arange(on.shape[0])), dtype=jnp.int32), moment.alive)
 
 
 def _start_counts(task: Task, n_steps: int) -> jax.Array:

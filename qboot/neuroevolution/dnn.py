@@ -75,15 +75,13 @@ def random_genome(key: jax.Array, topology: Topology) -> Genome:
     connected = index < n_first
     key_weights, key_biases = jax.random.split(key)
     # Drawn one by one, so that a network does not depend on the room left for its growth.
-    draw = jax.vmap(
-        lambda key, i: jax.random.uniform(jax.random.fold_in(key, i), minval=-1.0), in_axes=(None, 0)
-    )
+    draw = jax.vmap(lambda key, i: jax.random.uniform(jax.random.fold_in(key, i), minval=-1.0), in_axes=(None, 0))
     limit = topology.weight_limit
     return Genome(
         sources=jnp.where(connected, index % topology.n_inputs, 0).astype(jnp.int32),
-        targets=jnp.where(
-            connected, topology.n_inputs + index // topology.n_inputs, topology.n_inputs
-        ).astype(jnp.int32),
+        targets=jnp.where(connected, topology.n_inputs + index // topology.n_inputs, topology.n_inputs).astype(
+            jnp.int32
+        ),
         weights=jnp.where(connected, limit * draw(key_weights, index), 0.0),
         connected=connected,
         biases=jnp.where(

@@ -84,9 +84,7 @@ def run(
     n_chunks = -(-n_steps // chunk)
     n_lanes = len(keys)
     states = jax.vmap(task.reset)(keys, domains)
-    records = jax.tree.map(
-        lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, n_steps)
-    )
+    records = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, n_steps))
     inner = (states, jax.vmap(dnn.rest)(networks), jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
     states, _, rewards, steps, records = jax.lax.while_loop(any_goes_on, run_chunk, (inner, jnp.int32(0)))[0]
     return jax.vmap(partial(recorder.finish, task))(domains, records, states), rewards, steps
@@ -100,9 +98,7 @@ def evaluate(
     networks = jax.vmap(lambda genome: dnn.express(genome, topology))(genomes)
     networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_tests, axis=0), networks)
     lanes = jax.tree.map(lambda leaf: jnp.tile(leaf, (len(keys),) + (1,) * (leaf.ndim - 1)), tests)
-    test_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_tests)))(
-        keys
-    )
+    test_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_tests)))(keys)
     descriptions, rewards, steps = run(task, recorder, networks, lanes, test_keys.reshape(-1))
     result = Evaluation(rewards / task.reward, steps, descriptions)
     return jax.tree.map(lambda leaf: leaf.reshape(len(keys), n_tests, *leaf.shape[1:]), result)

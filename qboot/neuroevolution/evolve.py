@@ -5,7 +5,7 @@ compiled. Everything random comes from the run's key by `fold_in` of a generatio
 resumed from a saved state goes on as if it had never stopped.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class EvolutionSettings:
     """Behavioural distances to draw from."""
     horizon: int = 500
     """H: ancestors kept in the lineage of the best-of-run, itself included."""
-    rates: MutationRates = MutationRates()
+    rates: MutationRates = field(default_factory=MutationRates)
 
     def __post_init__(self):
         """Reject sizes that make no population."""
@@ -47,9 +47,7 @@ class EvolutionSettings:
             raise ValueError(f"generations is {self.generations}: it must not be negative")
         unknown = set(self.diversities) - set(DIVERSITIES)
         if unknown or not self.diversities:
-            raise ValueError(
-                f"diversities must be among {', '.join(DIVERSITIES)}, not {sorted(unknown) or 'none'}"
-            )
+            raise ValueError(f"diversities must be among {', '.join(DIVERSITIES)}, not {sorted(unknown) or 'none'}")
 
 
 class Problem(NamedTuple):
@@ -126,9 +124,7 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
     if diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation):
         state = state._replace(behaviours=describe(problem, state.population, generation))
     ids = state.next_id + np.arange(n)
-    chosen = jax.device_get(
-        _tournament(_key(problem, "tournament", generation), state.ranks, state.crowding, n)
-    )
+    chosen = jax.device_get(_tournament(_key(problem, "tournament", generation), state.ranks, state.crowding, n))
     parents = state.population.take(chosen)
     genomes, refused = jax.device_get(
         _mutants(_keys(problem, "mutation", ids), parents.genomes, problem.topology, problem.settings.rates)
@@ -151,9 +147,7 @@ def pareto_front(state: EvolveState) -> Individuals:
     return state.population.take(state.ranks == state.ranks.min())
 
 
-def _survive(
-    problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray
-) -> EvolveState:
+def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray) -> EvolveState:
     """Selection: objectives, ranks and crowding over everyone; the archive keeps the survivors' ancestors."""
     diversity = DIVERSITIES[diversity_in_force(problem, state.generation)](behaviours)
     objectives = np.stack([everyone.scores, np.asarray(diversity)], axis=1)
@@ -174,9 +168,7 @@ def _survive(
 
 def _evaluated(problem, genomes, ids, parents, generation) -> tuple[Individuals, np.ndarray, float]:
     result = _evaluate(problem, genomes, ids, generation)
-    individuals = Individuals(
-        genomes, ids, parents, np.full(len(ids), generation, np.int32), result.scores.sum(axis=1)
-    )
+    individuals = Individuals(genomes, ids, parents, np.full(len(ids), generation, np.int32), result.scores.sum(axis=1))
     return individuals, result.descriptions, float(result.steps.mean() / problem.task.max_steps)
 
 

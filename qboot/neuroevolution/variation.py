@@ -45,9 +45,7 @@ class MutationRates:
                 raise ValueError(f"mutation rate {name} is {getattr(self, name)}: it must lie in [0, 1]")
 
 
-def mutate(
-    key: jax.Array, genome: Genome, topology: Topology, rates: MutationRates
-) -> tuple[Genome, jax.Array]:
+def mutate(key: jax.Array, genome: Genome, topology: Topology, rates: MutationRates) -> tuple[Genome, jax.Array]:
     """A mutated copy of a genome and the number () int32 of mutations refused for want of room."""
     keys = jax.random.split(key, 11)
     genome = mutate_weights(keys[0], genome, topology, rates)
@@ -119,9 +117,7 @@ def rewire(key: jax.Array, genome: Genome, topology: Topology) -> tuple[Genome, 
     slot, any_connection = _choose(key_which, genome.connected)
     source, target = genome.sources[slot], genome.targets[slot]
     without = _clear(genome, jnp.arange(len(genome.connected)) == slot)
-    rows, columns = jnp.meshgrid(
-        jnp.arange(topology.n_computing), jnp.arange(topology.n_neurons), indexing="ij"
-    )
+    rows, columns = jnp.meshgrid(jnp.arange(topology.n_computing), jnp.arange(topology.n_neurons), indexing="ij")
     same_target, same_source = rows == target - topology.n_inputs, columns == source
     end = jnp.where(jax.random.bernoulli(key_end), same_target, same_source) & ~(same_target & same_source)
     index, possible = _choose(key_where, (allowed_connections(without, topology) & end).reshape(-1))

@@ -127,9 +127,7 @@ def learn(
             place = index // task.tests_per_domain
             domain = jax.tree.map(lambda leaf: leaf[place], domains)
             test_key = jax.random.fold_in(key, index)
-            ended = run_test(
-                networks, test_key, task, domain, actions, inputs, settings, exploration, capacity
-            )
+            ended = run_test(networks, test_key, task, domain, actions, inputs, settings, exploration, capacity)
             store = keep_best(store, place, ended.trajectory)
             summary = (
                 ended.rewards / task.reward,

@@ -57,9 +57,7 @@ def evaluate(
             return situation, total + rewards
 
         situation = start_test(jax.random.fold_in(key, index), task, domain, settings)
-        _, total = lax.while_loop(
-            lambda carry: is_ongoing(task, carry[0]), decide, (situation, jnp.float32(0))
-        )
+        _, total = lax.while_loop(lambda carry: is_ongoing(task, carry[0]), decide, (situation, jnp.float32(0)))
         return total / task.reward
 
     scores = lax.map(score, jnp.arange(n_domains * task.tests_per_domain))
@@ -84,9 +82,7 @@ def rollout(
     def step(carry: tuple[Situation, jax.Array, jax.Array], _: None) -> tuple:
         situation, action, elapsed = carry
         is_over = elapsed == actions.durations[action]
-        action = lax.cond(
-            is_over, lambda: greedy_action(networks, actions, inputs, situation.history), lambda: action
-        )
+        action = lax.cond(is_over, lambda: greedy_action(networks, actions, inputs, situation.history), lambda: action)
         elapsed = jnp.where(is_over, 0, elapsed)
         command = commands(actions, action, elapsed)
         running = is_ongoing(task, situation)

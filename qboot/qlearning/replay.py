@@ -57,9 +57,7 @@ def write(trajectory: Trajectory, index: jax.Array, transition: Transition) -> T
     return trajectory._replace(
         inputs=put(trajectory.inputs, transition.next_inputs, index + 1),
         actions=put(trajectory.actions, transition.action, index),
-        earned=jax.tree.map(
-            lambda leaf, value: put(leaf, value, index), trajectory.earned, transition.earned
-        ),
+        earned=jax.tree.map(lambda leaf, value: put(leaf, value, index), trajectory.earned, transition.earned),
     )
 
 
@@ -90,9 +88,7 @@ def replay_order(key: jax.Array, store: Trajectory) -> tuple[jax.Array, jax.Arra
     return order, jnp.cumsum(store.length.reshape(-1)[order])
 
 
-def replayed_transition(
-    store: Trajectory, order: jax.Array, finished: jax.Array, index: jax.Array
-) -> Transition:
+def replayed_transition(store: Trajectory, order: jax.Array, finished: jax.Array, index: jax.Array) -> Transition:
     """Return the transition that is replayed at `index`, () int32, counted over all trajectories.
 
     Each trajectory is replayed from its last transition to its first. Beyond the last of all transitions, the

@@ -1,0 +1,1 @@
+"""A study: profiles, run folders, stages, statistics, figures, report."""

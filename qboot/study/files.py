@@ -25,9 +25,7 @@ def write(path: Path, save: Callable[[Any], None]) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     except OSError as error:
-        raise RunError(
-            f"cannot write {path}: {error.strerror}; choose a folder that you may write to"
-        ) from None
+        raise RunError(f"cannot write {path}: {error.strerror}; choose a folder that you may write to") from None
     try:
         with os.fdopen(handle, "wb") as stream:
             save(stream)
@@ -108,9 +106,7 @@ def from_arrays(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) 
     leaves, structure = jax.tree_util.tree_flatten_with_path(template)
     missing = [name for keys, _ in leaves if (name := _name(keys)) not in arrays]
     if missing:
-        raise RunError(
-            f"{origin} lacks {', '.join(missing)}: it is not of this version; delete it and run again"
-        )
+        raise RunError(f"{origin} lacks {', '.join(missing)}: it is not of this version; delete it and run again")
     found = [_like(arrays[_name(keys)], leaf) for keys, leaf in leaves]
     return jax.tree_util.tree_unflatten(structure, found)
 

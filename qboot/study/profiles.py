@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from qboot.envs import TASKS
+from qboot.envs import PHYSICS, TASKS
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
 from qboot.neuroevolution.dnn import Topology
@@ -77,19 +77,16 @@ def settings_of(task: str, profile: str, source: str, seed: int) -> RunSettings:
     """
     size = size_of(task, profile)
     if source not in TASKS[task].sources:
-        raise ValueError(
-            f"unknown source {source!r} of {task}: choose one of {', '.join(TASKS[task].sources)}"
-        )
+        raise ValueError(f"unknown source {source!r} of {task}: choose one of {', '.join(TASKS[task].sources)}")
     return RunSettings(
         task=task,
         source=source,
+        physics=PHYSICS[task][0],
         seed=seed,
         profile=profile,
         n_steps=size.n_steps,
         topology=Topology(feed_forward=TASKS[task].feed_forward),
-        evolution=EvolutionSettings(
-            population=size.population, generations=size.generations, horizon=size.horizon
-        ),
+        evolution=EvolutionSettings(population=size.population, generations=size.generations, horizon=size.horizon),
         actions=ActionSettings(n_actions=N_ACTIONS[task]),
         sensors=SensorSettings(),
         learner=LEARNERS[task],
@@ -102,8 +99,4 @@ def settings_of(task: str, profile: str, source: str, seed: int) -> RunSettings:
 def runs_of(task: str, profile: str) -> list[RunSettings]:
     """The settings of all runs of a task in a profile."""
     size = size_of(task, profile)
-    return [
-        settings_of(task, profile, source, seed)
-        for source in size.sources
-        for seed in range(size.runs_per_source)
-    ]
+    return [settings_of(task, profile, source, seed) for source in size.sources for seed in range(size.runs_per_source)]

@@ -17,13 +17,12 @@ class Progress:
     """Progress of one stage; use it as a context."""
 
     def __init__(self, label: str, total: int, done: int = 0):
+        """Progress of `label`, of which `done` of `total` are done already."""
         status = os.environ.get(STATUS_VARIABLE)
         self._status = Path(status) if status else None
         self._label, self._total = label, total
         self._reported = 0.0
-        self._bar = (
-            None if status else tqdm(total=total, initial=done, desc=label, unit="", dynamic_ncols=True)
-        )
+        self._bar = None if status else tqdm(total=total, initial=done, desc=label, unit="", dynamic_ncols=True)
 
     def __enter__(self) -> "Progress":
         return self
@@ -35,8 +34,7 @@ class Progress:
     def update(self, done: int, **figures: float | int | str) -> None:
         """Say that `done` of the total are done, with figures worth watching, such as the best score."""
         text = ", ".join(
-            f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
-            for name, value in figures.items()
+            f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in figures.items()
         )
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)

@@ -33,8 +33,8 @@ class Worker:
     folder: Path
 
 
-def reproduce(profile: str, tasks: list[str] | None, out: Path, jobs: int | None) -> None:
-    """All runs of a profile, into `out`/TASK/SOURCE-SEED.
+def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> None:
+    """All runs of one task or of all, into `out`/TASK/SOURCE-SEED.
 
     Raises:
         ValueError: for an unknown task or profile, or jobs below 1.
@@ -42,8 +42,7 @@ def reproduce(profile: str, tasks: list[str] | None, out: Path, jobs: int | None
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    profiles.size_of(next(iter(TASKS)), profile)  # says clearly if the profile is unknown
-    settings = [run for task in tasks or TASKS for run in profiles.runs_of(task, profile)]
+    settings = [run for name in ([task] if task else TASKS) for run in profiles.runs_of(name, profile)]
     folders = [out / run.task / f"{run.source}-{run.seed}" for run in settings]
     for folder, run in zip(folders, settings, strict=True):
         runs.create(folder, run)
@@ -69,9 +68,7 @@ def _run_stages(worker: Worker) -> str:
         command = [sys.executable, "-m", "qboot.cli", stage, "--out", str(worker.folder)]
         for _ in range(TRIES):
             started = time.time()
-            result = subprocess.run(
-                command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True
-            )
+            result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
             if result.returncode == 0:
                 _note_time(worker.folder, stage, time.time() - started)
             if result.returncode in (0, 2):

@@ -31,6 +31,8 @@ class RunSettings:
     """ball_collecting or box_pushing."""
     source: str
     """Source domain set: A, B or C for ball collecting."""
+    physics: str
+    """fastsim for ball collecting; mjx, the physics of record, or its twin kinematic for box pushing."""
     seed: int
     """Everything random comes from it."""
     profile: str

@@ -12,7 +12,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from qboot.envs import TASKS
+from qboot.envs import make_task
 from qboot.envs.types import Domain, Task
 from qboot.extraction.actions import ActionSet, cluster_actions
 from qboot.extraction.segmentation import linear_segments
@@ -51,7 +51,7 @@ INDIVIDUALS = Individuals(GENOMES, 0, 0, 0, 0)
 
 def task_of(run: Run) -> Task:
     """The run's task, with its tests as long as the settings say."""
-    return TASKS[run.settings.task]._replace(max_steps=run.settings.n_steps)
+    return make_task(run.settings.task, run.settings.physics)._replace(max_steps=run.settings.n_steps)
 
 
 def key_of(run: Run, purpose: str) -> jax.Array:
@@ -69,7 +69,7 @@ def evolve_stage(run: Run, workers: int) -> None:
     if run.file("pareto.npz").exists():
         return
     problem = source_problem(run, workers)
-    state, history = _evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
+    state = _evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
     best = lineage(state.archive, best_of(state.population), run.settings.evolution.horizon)
     files.write_npz(run.file("lineage.npz"), files.to_arrays(best))
     files.write_npz(run.file("pareto.npz"), files.to_arrays(evolve.pareto_front(state)))
@@ -181,9 +181,7 @@ def read_networks(run: Run) -> QNetworks:
 
 def _problem(run: Run, domains: Domain, purpose: str, workers: int) -> Problem:
     settings = run.settings
-    return Problem(
-        task_of(run), domains, settings.evolution, settings.topology, key_of(run, purpose), workers
-    )
+    return Problem(task_of(run), domains, settings.evolution, settings.topology, key_of(run, purpose), workers)
 
 
 def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str, list]:
@@ -193,9 +191,7 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     function = partial(_scores, task, run.settings.topology)
     tests = np.asarray(function(domains, best.genomes, key[None]))[0]
     evolved = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
-    learned = policy.evaluate(
-        networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner
-    )
+    learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
     return {
         "method": ["ER"] * len(evolved) + ["QL"] * len(evolved),
         "domain": [*range(len(evolved)), *range(len(evolved))],
@@ -210,8 +206,8 @@ def _scores(task, topology, domains, genomes, keys):
 
 def _evolved(
     run: Run, problem: Problem, generations: int, name: str, history_name: str, front: Genome | None = None
-) -> tuple[EvolveState, dict[str, list]]:
-    """An evolutionary run of `generations`, checkpointed under `name`, its history written when it is over."""
+) -> EvolveState:
+    """The end of a run of `generations`, checkpointed under `name`; its history is written when it is over."""
     checkpoint = run.file(f"{name}.checkpoint.npz")
     if checkpoint.exists():
         state, history = _load_evolution(problem, checkpoint)
@@ -230,15 +226,13 @@ def _evolved(
                 _save_evolution(state, history, checkpoint)
                 saved = time.monotonic()
     files.write_csv(run.file(history_name), history)
-    return state, history
+    return state
 
 
 def _save_evolution(state: EvolveState, history: dict[str, list], checkpoint: Path) -> None:
     # Behaviours are large and come back by running the population again.
     arrays = files.to_arrays(state._replace(behaviours=()))
-    files.write_npz(
-        checkpoint, arrays | {f"history.{name}": np.array(values) for name, values in history.items()}
-    )
+    files.write_npz(checkpoint, arrays | {f"history.{name}": np.array(values) for name, values in history.items()})
 
 
 def _load_evolution(problem: Problem, checkpoint: Path) -> tuple[EvolveState, dict[str, list]]:

@@ -1,0 +1,197 @@
+"""The benchmark suite: one JSON line per benchmark in results/bench.jsonl, and a table.
+
+Each line has the batch size, the compile time apart from the run time, and, where there is one, the throughput of the
+authors' C++ simulator on one core. Minimum of several repeats.
+"""
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from qboot.envs import make_task
+from qboot.extraction.actions import ActionSet
+from qboot.extraction.baselines import HUMAN_ACTIONS
+from qboot.extraction.clustering import fuzzy_c_means
+from qboot.extraction.sensors import SensorSettings, sensor_votes
+from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
+from qboot.neuroevolution.behaviour import RECORDERS
+from qboot.neuroevolution.diversity import DIVERSITIES
+from qboot.neuroevolution.dnn import Topology
+from qboot.neuroevolution.evolve import EvolutionSettings, Problem
+from qboot.qlearning import learner
+from qboot.qlearning.inputs import input_set
+from qboot.study.profiles import LEARNERS
+
+# Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
+REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}
+
+
+def timed(function: Callable, *arguments, repeats: int = 3) -> tuple[float, float]:
+    """Seconds of compiling a jitted function, and the least seconds of running it."""
+    started = time.perf_counter()
+    compiled = function.lower(*arguments).compile()
+    compile_seconds = time.perf_counter() - started
+    return compile_seconds, least(lambda: jax.block_until_ready(compiled(*arguments)), repeats)
+
+
+def least(call: Callable, repeats: int = 3) -> float:
+    """The least seconds of a call."""
+    seconds = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        call()
+        seconds.append(time.perf_counter() - started)
+    return min(seconds)
+
+
+def random_genomes(n: int, topology: Topology) -> dnn.Genome:
+    """The first generation's networks."""
+    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), topology)
+
+
+def environment(name: str, physics: str, batch: int) -> dict:
+    """Steps of the environment alone, under random commands."""
+    task = make_task(name, physics)
+    domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains("A"))
+    n_steps = min(task.max_steps, 1000)
+
+    @jax.jit
+    def run(keys):
+        def step(states, t):
+            commands = jax.vmap(lambda key: jax.random.uniform(jax.random.fold_in(key, t), (3,)))(keys)
+            return jax.vmap(partial(task.step, domain))(states, commands), None
+
+        return jax.lax.scan(step, jax.vmap(task.reset, in_axes=(0, None))(keys, domain), jnp.arange(n_steps))[0]
+
+    compile_seconds, seconds = timed(run, jax.random.split(jax.random.key(0), batch))
+    return {"batch": batch, "steps_per_second": batch * n_steps / seconds, "compile_s": compile_seconds}
+
+
+def controllers(name: str, physics: str, batch: int) -> dict:
+    """Steps of environment and evolved network together, one thread."""
+    task = make_task(name, physics)
+    topology = Topology(feed_forward=task.feed_forward)
+    domains = task.source_domains("A")
+
+    @jax.jit
+    def run(genomes, keys):
+        return evaluation.evaluate(task, topology, RECORDERS["hamming"], genomes, domains, keys)
+
+    arguments = random_genomes(batch, topology), jax.random.split(jax.random.key(1), batch)
+    compile_seconds, seconds = timed(run, *arguments)
+    steps = int(run(*arguments).steps.sum())
+    return {
+        "batch": batch,
+        "steps_per_second": steps / seconds,
+        "compile_s": compile_seconds,
+        "reference_steps_per_second": REFERENCE[name],
+    }
+
+
+def generation(name: str, physics: str, workers: int) -> dict:
+    """A whole generation of the paper's size: 128 children, records, diversity, selection; median over distances."""
+    task = make_task(name, physics)
+    seconds = {}
+    for diversity in DIVERSITIES:
+        settings = EvolutionSettings(diversities=(diversity,))
+        topology = Topology(feed_forward=task.feed_forward)
+        problem = Problem(task, task.source_domains("A"), settings, topology, jax.random.key(0), workers)
+        state, _ = evolve.init(problem)
+        state, _ = evolve.step(problem, state)  # compiles what is left
+        seconds[diversity] = least(lambda problem=problem, state=state: evolve.step(problem, state))
+    return {"workers": workers, "median_s": float(np.median(list(seconds.values()))), **seconds}
+
+
+def q_learning(n_episodes: int) -> dict:
+    """Episodes of Q-learning on ball collecting with the human-designed actions, one thread."""
+    task = make_task("ball_collecting", "fastsim")
+    domains = task.source_domains("A")
+    actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS["ball_collecting"]()))
+    inputs, settings = input_set(np.ones((3, 13), bool)), LEARNERS["ball_collecting"]
+    state = learner.init(jax.random.key(0), task, domains, actions, inputs, settings)
+    run = partial(learner.learn, state, task, domains, actions, inputs, settings, n_episodes)
+    started = time.perf_counter()
+    jax.block_until_ready(run())
+    first = time.perf_counter() - started
+    seconds = least(lambda: jax.block_until_ready(run()))
+    return {"episodes": n_episodes, "s_per_episode": seconds / n_episodes, "compile_s": first - seconds}
+
+
+def selection(n: int) -> dict:
+    """Ranks, crowding and survivors of n individuals, two objectives."""
+    select = jax.jit(nsga2.select, static_argnums=1)
+    objectives = jax.random.uniform(jax.random.key(0), (n, 2))
+    started = time.perf_counter()
+    jax.block_until_ready(select(objectives, n // 2))
+    first = time.perf_counter() - started
+    return {"batch": n, "s": least(lambda: jax.block_until_ready(select(objectives, n // 2)), 20), "compile_s": first}
+
+
+def clustering(n: int) -> dict:
+    """Fuzzy c-means of n segments to 17 actions."""
+    points = np.random.default_rng(0).normal(size=(n, 7))
+    return {"points": n, "s": least(lambda: fuzzy_c_means(points, 17, 1.3, 0), 1)}
+
+
+def sensors(n_traces: int) -> dict:
+    """Lasso models from traces of 10,000 steps."""
+    random = np.random.default_rng(0)
+    traces = [np.cumsum(random.normal(size=(10_000, 13)), axis=0).astype(np.float32) for _ in range(n_traces)]
+    return {"traces": n_traces, "s": least(lambda: sensor_votes(iter(traces), 8, SensorSettings()), 1)}
+
+
+CORES = os.cpu_count() or 1
+BENCHMARKS = {
+    "ball_collecting environment": partial(environment, "ball_collecting", "fastsim", 32),
+    "ball_collecting controllers": partial(controllers, "ball_collecting", "fastsim", 16),
+    "ball_collecting generation": partial(generation, "ball_collecting", "fastsim", CORES),
+    "box_pushing mjx environment": partial(environment, "box_pushing", "mjx", 240),
+    "box_pushing mjx controllers": partial(controllers, "box_pushing", "mjx", 16),
+    "box_pushing mjx generation": partial(generation, "box_pushing", "mjx", CORES),
+    "box_pushing kinematic environment": partial(environment, "box_pushing", "kinematic", 240),
+    "box_pushing kinematic generation": partial(generation, "box_pushing", "kinematic", CORES),
+    "q_learning": partial(q_learning, 10),
+    "nsga2 selection": partial(selection, 256),
+    "fuzzy c-means": partial(clustering, 100_000),
+    "sensor selection": partial(sensors, 50),
+}
+
+
+def main() -> None:
+    """Run the benchmarks whose name contains the pattern."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "pattern", nargs="?", default="", help="run the benchmarks with this in their name; default all"
+    )
+    parser.add_argument("--out", type=Path, default=Path("results/bench.jsonl"))
+    options = parser.parse_args()
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    machine = {
+        "cores": CORES,
+        "machine": platform.machine(),
+        "device": jax.devices()[0].platform,
+        "jax": jax.__version__,
+    }
+    with options.out.open("w") as stream:
+        for name, benchmark in BENCHMARKS.items():
+            if options.pattern in name:
+                result = benchmark()
+                print(json.dumps({"benchmark": name, **result, **machine}), file=stream, flush=True)
+                print(f"{name:36}", "  ".join(f"{key} {_short(value)}" for key, value in result.items()), flush=True)
+
+
+def _short(value: float) -> str:
+    return f"{value / 1e6:.2f}M" if value >= 1e5 else f"{value:.3g}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""What runs scored: learning curves and scores in new domains, read from their folders.
+
+`METHODS` are ER (evolution, the paper's "evolutionary robotics"), QL (Q-learning with what was extracted) and
+ER+transfer (evolution from the source's Pareto front).
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import jax
+import numpy as np
+
+from qboot.study import files, runs
+from qboot.study.files import RunError
+from qboot.study.runs import Run
+from qboot.study.stages import task_of
+
+Value = TypeVar("Value")
+
+METHODS = ("QL", "ER", "ER+transfer")
+# File and columns of a method's learning on the source set.
+_SOURCE = {"ER": ("history.csv", "episodes", "best"), "QL": ("qlearning.csv", "episode", "score")}
+
+
+class Curve(NamedTuple):
+    """Scores of one run as it learns."""
+
+    episodes: np.ndarray  # (K,) policies evaluated so far, increasing
+    scores: np.ndarray  # (K,) best of the population (ER), or score of the episode (QL)
+
+
+class Gathered(NamedTuple):
+    """Something read from several runs."""
+
+    found: dict[str, object]  # value by the run's label
+    missing: dict[str, str]  # why there is none, by the run's label
+
+
+def runs_below(folder: Path) -> list[Run]:
+    """All runs of a study, or the one run that `folder` is.
+
+    Raises:
+        RunError: if there is none.
+    """
+    if (folder / "config.json").exists():
+        return [runs.load(folder)]
+    found = runs.find(folder)
+    if not found:
+        raise RunError(
+            f"no runs below {folder}: give the folder of a study (FOLDER/TASK/SOURCE-SEED/config.json) or of a run"
+        )
+    return found
+
+
+def gather(some: list[Run], read: Callable[[Run], Value]) -> Gathered:
+    """Call `read` on each run; runs that lack what it needs are told apart."""
+    found, missing = {}, {}
+    for run in some:
+        try:
+            found[run.label] = read(run)
+        except RunError as error:
+            missing[run.label] = str(error)
+    return Gathered(found, missing)
+
+
+def column(run: Run, file: str, name: str) -> np.ndarray:
+    """A column (K,) of a CSV file of a run: numbers, or text where they are none.
+
+    Raises:
+        RunError: if the file or the column is missing, or has no rows.
+    """
+    values = files.read_csv(run.file(file)).get(name)
+    if not values:
+        raise RunError(f"{run.file(file)} has no values {name!r}: run the stage that makes it again")
+    try:
+        return np.array(values, float)
+    except ValueError:
+        return np.array(values)
+
+
+def source_curve(run: Run, method: str) -> Curve:
+    """Learning on the source set by "ER" or "QL" (figures 6 and 14)."""
+    file, episodes, scores = _SOURCE[method]
+    return Curve(column(run, file, episodes), column(run, file, scores))
+
+
+def target_curve(run: Run, method: str) -> Curve:
+    """Learning on the target set by one of METHODS (figures 9 and 16)."""
+    rows = column(run, "transfer.csv", "method") == method
+    if not rows.any():
+        raise RunError(f"{run.file('transfer.csv')} has no rows of {method}: run the stage transfer again")
+    return Curve(column(run, "transfer.csv", "episodes")[rows], column(run, "transfer.csv", "score")[rows])
+
+
+def generalisation(run: Run, method: str) -> float:
+    """Score on the target set without learning there, summed over its domains, of "ER" or "QL" (figures 8 and 15)."""
+    rows = column(run, "generalisation.csv", "method") == method
+    return float(column(run, "generalisation.csv", "score")[rows].sum())
+
+
+def top_score(run: Run, domains: str) -> float:
+    """The greatest score possible on the "source" or "target" set of a run."""
+    task = task_of(run)
+    some = {"source": task.source_domains, "target": task.target_domains}[domains](run.settings.source)
+    return float(task.max_score_per_domain * len(jax.tree.leaves(some)[0]))
+
+
+def moving_mean(curve: Curve, window: int) -> Curve:
+    """Scores as means over the last `window` entries; over all that there are at the start."""
+    sums = np.concatenate([[0.0], np.cumsum(curve.scores)])
+    ends = np.arange(1, len(curve.scores) + 1)
+    starts = np.maximum(ends - window, 0)
+    return Curve(curve.episodes, (sums[ends] - sums[starts]) / (ends - starts))
+
+
+def common_grid(curves: list[Curve], points: int = 400) -> np.ndarray:
+    """Episodes (G,), evenly spaced in their logarithm, from the earliest entry to where the shortest curve ends."""
+    first = min(curve.episodes[0] for curve in curves)
+    last = min(curve.episodes[-1] for curve in curves)
+    return np.unique(np.rint(np.geomspace(first, max(first, last), points)))

@@ -1,0 +1,107 @@
+"""Tests played again and recorded state by state: by the best evolved network, and by the greedy Q-policy."""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from qboot.envs.types import Domain, Task
+from qboot.neuroevolution import evaluation, evolve
+from qboot.neuroevolution.behaviour import Moment, Recorder
+from qboot.qlearning import policy
+from qboot.study.runs import Run
+from qboot.study.stages import (
+    key_of,
+    read_actions,
+    read_inputs,
+    read_lineage,
+    read_networks,
+    source_problem,
+    task_of,
+)
+
+
+class Recording(NamedTuple):
+    """One test of T steps, as NumPy arrays."""
+
+    domain: Domain
+    states: Any  # (T + 1, ...) of the task: before each step, and at the end
+    actions: np.ndarray | None  # (T,) int32 action of the Q-learner in force; None for a network
+
+
+def evolved(run: Run) -> list[Recording]:
+    """The best-of-run network in each source domain (its first test there), as it was evaluated."""
+    problem = source_problem(run, workers=1)
+    best = read_lineage(run).take(slice(-1, None))
+    keys = evolve.evaluation_keys(problem, best.ids)
+    found = jax.device_get(_played(problem.task, problem.topology, problem.domains, best.genomes, keys))
+    states, finals = found.descriptions
+    domains, n_tests = evaluation.tests_of(problem.task, problem.domains)
+    return [
+        Recording(
+            _at(domains, test),
+            _joined(_at(states, (0, test)), _at(finals, (0, test)), found.steps[0, test]),
+            actions=None,
+        )
+        for test in range(0, n_tests, problem.task.tests_per_domain)
+    ]
+
+
+def learned(run: Run) -> list[Recording]:
+    """The greedy Q-policy in each source domain (its first test there)."""
+    task = task_of(run)
+    parts = read_actions(run), read_inputs(run), run.settings.learner
+    networks, key = read_networks(run), key_of(run, "tests")
+    domains, n_tests = evaluation.tests_of(task, task.source_domains(run.settings.source))
+    found = []
+    for test in range(0, n_tests, task.tests_per_domain):
+        domain = _at(domains, test)
+        played = jax.device_get(policy.rollout(networks, jax.random.fold_in(key, test), task, domain, *parts))
+        steps = int(played.mask.sum())
+        found.append(
+            Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps]))
+        )
+    return found
+
+
+def scores(task: Task, recording: Recording) -> np.ndarray:
+    """Rewards earned so far, (T + 1,), in units of the task's reward."""
+    return np.cumsum(recording.states.reward) / task.reward
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _played(task, topology, domains, genomes, keys):
+    return evaluation.evaluate(task, topology, STATES, genomes, domains, keys)
+
+
+def _joined(states: Any, final: Any, steps: int) -> Any:
+    """The first `steps` of states (T, ...) and the final one."""
+    return jax.tree.map(lambda many, last: np.concatenate([many[:steps], last[None]]), states, final)
+
+
+def _at(tree: Any, index: int | tuple[int, ...]) -> Any:
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
+
+
+def _start_states(task: Task, n_steps: int) -> Any:
+    domain = _at(task.source_domains(task.sources[0]), 0)
+    state = jax.eval_shape(task.reset, jax.random.key(0), domain)
+    return jax.tree.map(lambda leaf: jnp.zeros((n_steps, *leaf.shape), leaf.dtype), state)
+
+
+def _update_states(task: Task, domain: Domain, record: Any, moment: Moment) -> Any:
+    return jax.tree.map(
+        lambda buffer, value: buffer.at[moment.t].set(jnp.where(moment.alive, value, buffer[moment.t])),
+        record,
+        moment.state,
+    )
+
+
+def _finish_states(task: Task, domain: Domain, record: Any, final: Any) -> tuple[Any, Any]:
+    return record, final
+
+
+# Every state of a test, (T, ...), and the final one.
+STATES = Recorder(_start_states, _update_states, _finish_states)

@@ -1,0 +1,104 @@
+"""Statistics over runs, on scipy.
+
+A run that never reached a goal counts as an infinite number of episodes: quartiles and ranks then stay what they
+are, and are infinite themselves when too few runs reached it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+RESAMPLES = 9_999
+
+
+class Quartiles(NamedTuple):
+    """The three quartiles of a sample; floats, or arrays of one shape."""
+
+    lower: np.ndarray | float
+    median: np.ndarray | float
+    upper: np.ndarray | float
+
+
+class Comparison(NamedTuple):
+    """Two independent samples compared by the Mann-Whitney test."""
+
+    p_value: float  # two-sided; 1 when all values are equal
+    a12: float  # probability that a value of the first sample is the greater one, ties half (Vargha and Delaney)
+
+
+def quartiles(values: np.ndarray, axis: int = 0) -> Quartiles:
+    """Quartiles of `values` along `axis`, linear between two values; infinite values are allowed.
+
+    Raises:
+        ValueError: if there is no value.
+    """
+    return Quartiles(*_quantiles(values, (0.25, 0.5, 0.75), axis))
+
+
+def on_grid(episodes: np.ndarray, scores: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """The last score at or before each episode of `grid` (G,); NaN before the first one.
+
+    Args:
+        episodes: (K,) increasing.
+        scores: (K,) score reached at each.
+        grid: (G,) episodes.
+    """
+    last = np.searchsorted(episodes, grid, side="right") - 1
+    return np.where(last >= 0, np.asarray(scores, float)[np.maximum(last, 0)], np.nan)
+
+
+def median_and_quartiles(curves: list[tuple[np.ndarray, np.ndarray]], grid: np.ndarray) -> Quartiles:
+    """Quartiles over runs of the score at each episode of `grid`; each (G,), NaN where a run has no score yet.
+
+    Args:
+        curves: episodes (K,) and scores (K,) of each run; K may differ.
+        grid: (G,) episodes.
+
+    Raises:
+        ValueError: if there is no curve.
+    """
+    return quartiles(np.array([on_grid(episodes, scores, grid) for episodes, scores in curves]))
+
+
+def episodes_to(episodes: np.ndarray, scores: np.ndarray, goal: float) -> float:
+    """The first of `episodes` (K,) whose score of `scores` (K,) is at least `goal`; infinite if there is none."""
+    reached = np.flatnonzero(np.asarray(scores) >= goal)
+    return float(episodes[reached[0]]) if len(reached) else np.inf
+
+
+def mann_whitney(first: np.ndarray, second: np.ndarray) -> Comparison:
+    """Compare samples (n,) and (m,) by their ranks: exact for few values without ties, else with continuity correction.
+
+    Raises:
+        ValueError: if a sample is empty.
+    """
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if not len(first) or not len(second):
+        raise ValueError(f"the samples have {len(first)} and {len(second)} values: both need at least 1")
+    if len(np.unique(np.concatenate([first, second]))) == 1:
+        return Comparison(1.0, 0.5)
+    test = stats.mannwhitneyu(first, second)
+    return Comparison(float(test.pvalue), float(test.statistic / (len(first) * len(second))))
+
+
+def median_interval(values: np.ndarray, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Bootstrap confidence interval (percentiles) of the median of `values` (n,); NaN for fewer than two values."""
+    values = np.asarray(values, float)
+    if len(values) < 2:
+        return np.nan, np.nan
+    medians = stats.bootstrap(
+        (values,), np.median, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(seed)
+    ).bootstrap_distribution
+    low, high = _quantiles(medians, ((1 - level) / 2, (1 + level) / 2), 0)
+    return float(low), float(high)
+
+
+def _quantiles(values: np.ndarray, shares: tuple[float, ...], axis: int) -> np.ndarray:
+    values = np.asarray(values, float)
+    if not values.shape[axis]:
+        raise ValueError("no values: quantiles need at least 1")
+    with np.errstate(invalid="ignore"):
+        found = np.quantile(values, shares, axis=axis)
+    # Between two infinite values NumPy interpolates to NaN.
+    return np.where(np.isnan(found) & ~np.isnan(values).any(axis=axis), np.inf, found)

@@ -1,0 +1,61 @@
+"""The command line: bad input gets one line and exit code 2, and leaves nothing behind."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from qboot.cli import main
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["evolve", "--task", "flying"], "unknown task 'flying': choose one of ball_collecting, box_pushing"),
+        (["evolve", "--task", "ball_collecting", "--source", "D"], "unknown source 'D'"),
+        (["evolve", "--task", "ball_collecting", "--profile", "huge"], "unknown profile 'huge'"),
+        (["evolve", "--task", "ball_collecting", "--seed", "-1"], "seed is -1"),
+        (["evolve", "--task", "ball_collecting", "--workers", "0"], "--workers is 0"),
+        (["evolve", "--task", "ball_collecting", "--evolution.population", "-5"], "population"),
+        (["evolve", "--task", "ball_collecting", "--evolution.populaton", "5"], "populaton"),
+        (["learn"], "--out"),
+        (["learn", "--out", "nowhere"], "no run folder"),
+        (["learn", "--out", "nowhere", "--seed", "3"], "without --task"),
+        (["reproduce", "--profile", "huge"], "unknown profile"),
+        (["reproduce", "--task", "flying"], "unknown task"),
+        (["reproduce", "--jobs", "0"], "--jobs is 0"),
+        (["report", "--out", "nowhere"], "nowhere"),
+        (["replay", "--out", "nowhere"], "no run folder"),
+        (["report", "--out", "x", "--colour", "red"], "--colour"),
+    ],
+)
+def test_bad_input_is_named(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main(arguments)
+    except SystemExit as exit:  # from the parsers of arguments
+        code = exit.code
+    assert code == 2
+    output = capsys.readouterr()
+    assert words in output.err + output.out
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of folders are those of POSIX")
+def test_no_write_access_is_named(tmp_path, capsys):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    assert main(["evolve", "--task", "ball_collecting", "--profile", "smoke", "--out", str(blocked / "run")]) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
+def test_help_teaches_and_is_quick_to_import():
+    code = "import sys, qboot.cli; assert 'jax' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+    result = subprocess.run([sys.executable, "-m", "qboot.cli", "--help"], capture_output=True, text=True, check=True)
+    assert "qboot evolve   --task ball_collecting" in result.stdout
+    stage = subprocess.run(
+        [sys.executable, "-m", "qboot.cli", "evolve", "--help"], capture_output=True, text=True, check=True
+    )
+    assert "--evolution.population" in stage.stdout and "--seed" in stage.stdout
