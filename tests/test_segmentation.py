@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from qboot.extraction.segmentation import Segments, join_segments, linear_segments, split_points
+from qboot.extraction.segmentation import Segments, cut_segments, join_segments, linear_segments, split_points
 
 # Sixteenths, and 1, 2 or 4 effectors: sums and means are exact, so ties are ties in any order of summing.
 exact_commands = st.tuples(st.sampled_from([1, 2, 4]), st.sampled_from([1, 2, 3, 8, 16, 32])).flatmap(
@@ -118,3 +118,20 @@ def test_unusable_commands_are_refused(flow):
         split_points(flow)
     with pytest.raises(ValueError, match="commands must"):
         linear_segments(flow)
+
+
+def test_cut_segments_send_the_same_commands():
+    random = np.random.default_rng(0)
+    segments = Segments(random.normal(size=(6, 2)), random.normal(size=(6, 2)), np.array([1, 5, 10, 11, 30, 99]))
+    parts = cut_segments(segments, 10)
+    assert parts.durations.max() <= 10 and parts.durations.sum() == segments.durations.sum()
+    np.testing.assert_allclose(flow_of(parts), flow_of(segments), atol=1e-12)
+    assert parts.durations.tolist()[:6] == [1, 5, 10, 5, 6, 10]
+    with pytest.raises(ValueError, match="longest"):
+        cut_segments(segments, 0)
+
+
+def flow_of(segments):
+    """The commands (T, E) that segments stand for."""
+    lines = zip(segments.slopes, segments.intercepts, segments.durations, strict=True)
+    return np.concatenate([np.arange(d)[:, None] * slope + intercept for slope, intercept, d in lines])

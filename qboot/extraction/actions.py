@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot.extraction.clustering import cluster
-from qboot.extraction.segmentation import Segments
+from qboot.extraction.segmentation import Segments, cut_segments
 
 SCALES = ("none", "std", "minmax", "logstd")
 # Centres nearer than this in every feature, in standard deviations of it, count as one.
@@ -34,12 +34,16 @@ class ActionSettings:
     n_actions: int = 17
     """Na: number of actions, >= 1 (17 for ball collecting, 7 for box pushing)."""
 
-    fuzziness: float = 2.0
-    """m of fuzzy c-means, > 1. The paper gives none: this is the usual one. Nearer to 1, fewer centres coincide."""
+    fuzziness: float = 1.3
+    """m of fuzzy c-means, > 1. The paper gives none. Nearer to 1, fewer centres coincide."""
 
     scale: str = "none"
     """Scaling of the features to cluster: "none", "std", "minmax", or "logstd" (log duration, then std). The paper
-    gives none: with "minmax" the actions last about as long as the paper's; with "none" only durations count."""
+    gives none; unscaled, durations count most."""
+
+    max_duration: int = 100
+    """Segments that last longer, in steps, are cut into equal parts before the clustering, >= 1: an action cannot be
+    interrupted, and one of thousands of steps spends a whole test."""
 
     max_iterations: int = 300
     """Updates of the centres at most, >= 1."""
@@ -55,6 +59,8 @@ class ActionSettings:
             raise ValueError(f"fuzziness must be greater than 1, got {self.fuzziness}.")
         if self.scale not in SCALES:
             raise ValueError(f"scale must be one of {SCALES}, got {self.scale!r}.")
+        if self.max_duration < 1:
+            raise ValueError(f"max_duration must be at least 1 step, got {self.max_duration}.")
         if self.max_iterations < 1:
             raise ValueError(f"max_iterations must be at least 1, got {self.max_iterations}.")
         if not self.tolerance >= 0:
@@ -118,7 +124,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
             f"{settings.n_actions} actions need at least as many segments, got {len(segments.durations)}: "
             "use more or longer traces, or fewer actions."
         )
-    features = _features(segments)
+    features = _features(cut_segments(segments, settings.max_duration))
     scaling = fit_scaling(features, settings.scale)
     found = cluster(
         scaling.apply(features),
@@ -138,7 +144,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
             stacklevel=2,
         )
     before, after = (np.percentile(source.durations, [25, 50, 75]) for source in (segments, actions))
-    return actions, ActionInfo(len(features), n_distinct, before, after, found.iterations)
+    return actions, ActionInfo(len(segments.durations), n_distinct, before, after, found.iterations)
 
 
 def fit_scaling(features: np.ndarray, scale: str) -> Scaling:

@@ -73,6 +73,22 @@ def linear_segments(commands: np.ndarray) -> Segments:
     return Segments(slopes.T, (means - slopes * middle).T, durations)
 
 
+def cut_segments(segments: Segments, longest: int) -> Segments:
+    """The same commands in segments of at most `longest` steps: longer ones are cut into parts of about equal length.
+
+    Raises:
+        ValueError: if `longest` is below 1.
+    """
+    if longest < 1:
+        raise ValueError(f"longest must be at least 1 step, got {longest}.")
+    n_parts = -(-segments.durations // longest)
+    segment = np.repeat(np.arange(len(n_parts)), n_parts)
+    part = np.arange(len(segment)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+    start, end = (k * segments.durations[segment] // n_parts[segment] for k in (part, part + 1))
+    slopes = segments.slopes[segment]
+    return Segments(slopes, segments.intercepts[segment] + slopes * start[:, None], end - start)
+
+
 def join_segments(parts: list[Segments]) -> Segments:
     """The segments of several flows as one; raises `ValueError` when there is none."""
     if not parts:

@@ -12,15 +12,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.types import Domain, Task, TaskState
 from qboot.neuroevolution import dnn
 from qboot.neuroevolution.behaviour import Moment, Recorder
 from qboot.neuroevolution.dnn import Genome, Network, Topology
 
-# Steps between two looks at whether any lane still runs.
+# Steps between two looks at which lanes still run: so many at most, and so many looks a test.
 CHUNK = 250
+CHUNKS_PER_TEST = 20
+# The batch shrinks to these shares of its first size as lanes are over.
+BATCH_SHARES = (1, 4, 16)
 # Controllers per compiled call on a CPU: their data stays in the cache, and calls spread over the cores.
 BLOCK = 16
+
+
+class Lanes(NamedTuple):
+    """Tests that run side by side; leading axis L on every leaf."""
+
+    domains: Domain
+    networks: Network
+    states: TaskState
+    activities: jax.Array  # (L, K)
+    rewards: jax.Array  # (L,) sum so far
+    steps: jax.Array  # (L,) int32 lived so far
+    records: Any
 
 
 class Evaluation(NamedTuple):
@@ -42,6 +57,9 @@ def run(
 ) -> tuple[Any, jax.Array, jax.Array]:
     """Run L networks, each in its own domain, for the task's `max_steps` or until all are done or idle.
 
+    Lanes that are over are dropped from the batch: once no more than a quarter of them run, the loop goes on with a
+    quarter of the batch, then with a sixteenth.
+
     Args:
         task: the task.
         recorder: what to keep of each test.
@@ -52,42 +70,62 @@ def run(
     Returns:
         Descriptions by the recorder (L, ...), rewards (L,), steps lived (L,) int32.
     """
+    n_lanes = len(keys)
+    chunk = max(1, min(CHUNK, task.max_steps // CHUNKS_PER_TEST))
+    n_chunks = -(-task.max_steps // chunk)
+    # A record starts the same for all lanes.
+    records = jax.tree.map(
+        lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, task.max_steps)
+    )
+    activities = jax.vmap(dnn.rest)(networks)
+    states = jax.vmap(task.reset)(keys, domains)
+    lanes = Lanes(domains, networks, states, activities, jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
+    sizes = [-(-n_lanes // share) for share in BATCH_SHARES]
+    first_chunk = jnp.int32(0)
+    for size, next_size in zip(sizes, [*sizes[1:], 0], strict=True):
+        # Places past the end fill up the batch; what happens in them is dropped.
+        places = jnp.nonzero(_goes_on(task, lanes.states), size=size, fill_value=n_lanes)[0]
+        batch = jax.tree.map(lambda leaf, places=places: leaf[jnp.minimum(places, n_lanes - 1)], lanes)
 
-    def goes_on(states):
-        return ~states.done & ~jax.vmap(task.is_idle)(states)
+        def some_go_on(carry, places=places, next_size=next_size):
+            batch, i = carry
+            n_running = jnp.sum(_goes_on(task, batch.states) & (places < n_lanes))
+            return (i < n_chunks) & (n_running > next_size)
 
-    def step(carry, t):
-        states, activities, rewards, steps, records = carry
-        alive = goes_on(states) & (t < n_steps)
+        def run_chunk(carry):
+            batch, i = carry
+            return _run_steps(task, recorder, batch, i * chunk + jnp.arange(chunk)), i + 1
+
+        batch, first_chunk = jax.lax.while_loop(some_go_on, run_chunk, (batch, first_chunk))
+        lanes = jax.tree.map(lambda all, some, places=places: all.at[places].set(some, mode="drop"), lanes, batch)
+    descriptions = jax.vmap(partial(recorder.finish, task))(domains, lanes.records, lanes.states)
+    return descriptions, lanes.rewards, lanes.steps
+
+
+def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -> Lanes:
+    """Run all lanes for the steps `times` (chunk,) of their tests."""
+
+    def step(lanes: Lanes, t: jax.Array) -> tuple[Lanes, None]:
+        alive = _goes_on(task, lanes.states) & (t < task.max_steps)
         # Every lane has its own weights, repeated if need be: a batch of matrix-vector products stays inside the
         # one kernel that the loop compiles to, a product with shared weights does not.
-        activities = jax.vmap(dnn.step)(networks, activities, states.observation)
+        activities = jax.vmap(dnn.step)(lanes.networks, lanes.activities, lanes.states.observation)
         commands = activities[:, : len(task.effectors)]
-        moments = Moment(t, alive, states, commands)
+        moments = Moment(t, alive, lanes.states, commands)
         records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, Moment(None, 0, 0, 0)))(
-            domains, records, moments
+            lanes.domains, lanes.records, moments
         )
-        after = jax.vmap(task.step)(domains, states, commands)
-        after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, states)
-        return (after, activities, rewards + jnp.where(alive, after.reward, 0.0), steps + alive, records), None
+        after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
+        after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, lanes.states)
+        rewards = lanes.rewards + jnp.where(alive, after.reward, 0.0)
+        return Lanes(lanes.domains, lanes.networks, after, activities, rewards, lanes.steps + alive, records), None
 
-    def run_chunk(carry):
-        inner, i = carry
-        return jax.lax.scan(step, inner, i * chunk + jnp.arange(chunk))[0], i + 1
+    return jax.lax.scan(step, lanes, times)[0]
 
-    def any_goes_on(carry):
-        (states, *_), i = carry
-        return (i < n_chunks) & jnp.any(goes_on(states))
 
-    n_steps = task.max_steps
-    chunk = min(CHUNK, n_steps)
-    n_chunks = -(-n_steps // chunk)
-    n_lanes = len(keys)
-    states = jax.vmap(task.reset)(keys, domains)
-    records = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, n_steps))
-    inner = (states, jax.vmap(dnn.rest)(networks), jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
-    states, _, rewards, steps, records = jax.lax.while_loop(any_goes_on, run_chunk, (inner, jnp.int32(0)))[0]
-    return jax.vmap(partial(recorder.finish, task))(domains, records, states), rewards, steps
+def _goes_on(task: Task, states: TaskState) -> jax.Array:
+    """Which tests (L,) are neither done nor idle."""
+    return ~states.done & ~jax.vmap(task.is_idle)(states)
 
 
 def evaluate(

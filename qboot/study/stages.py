@@ -15,7 +15,7 @@ import numpy as np
 from qboot.envs import make_task
 from qboot.envs.types import Domain, Task
 from qboot.extraction.actions import ActionSet, cluster_actions
-from qboot.extraction.segmentation import linear_segments
+from qboot.extraction.segmentation import join_segments, linear_segments
 from qboot.extraction.sensors import majority, sensor_votes
 from qboot.extraction.traces import traces
 from qboot.neuroevolution import evaluation, evolve
@@ -88,9 +88,7 @@ def extract_stage(run: Run, workers: int) -> None:
             f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
             "version of qboot or on other hardware; evolve again on this one"
         )
-    segments = [linear_segments(trace.commands.T) for trace in flow]
-    segments = jax.tree.map(lambda *parts: np.concatenate(parts), *segments)
-    # The same int seed for k-means++, whatever JAX's keys look like.
+    segments = join_segments([linear_segments(trace.commands.T) for trace in flow])
     actions, report = cluster_actions(segments, run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
     settings = run.settings.sensors
