@@ -142,7 +142,8 @@ def prototypes(n, seed):
 @pytest.mark.parametrize("scale", ["logstd", "std", "minmax"])
 def test_clustering_finds_the_actions_that_the_segments_scatter_around(scale):
     segments, truth = prototypes(800, 0)
-    actions, info = cluster_actions(segments, ActionSettings(n_actions=4, scale=scale), seed=0)
+    settings = ActionSettings(n_actions=4, scale=scale, max_duration=1000)
+    actions, info = cluster_actions(segments, settings, seed=0)
     order = np.argsort(actions.durations)
     np.testing.assert_allclose(actions.durations[order], truth.durations, rtol=0.05)
     np.testing.assert_allclose(actions.slopes[order], truth.slopes, atol=2e-3)
@@ -152,6 +153,13 @@ def test_clustering_finds_the_actions_that_the_segments_scatter_around(scale):
     np.testing.assert_array_equal(info.durations_before, np.percentile(segments.durations, [25, 50, 75]))
     np.testing.assert_array_equal(info.durations_after, np.percentile(actions.durations, [25, 50, 75]))
     assert 1 <= info.iterations <= 300
+
+
+def test_no_action_lasts_longer_than_asked():
+    segments, _ = prototypes(800, 0)
+    actions, info = cluster_actions(segments, ActionSettings(n_actions=4, max_duration=30), seed=0)
+    assert actions.durations.max() <= 30
+    assert info.n_segments == 800
 
 
 def test_coinciding_actions_are_kept_and_reported():

@@ -120,6 +120,17 @@ def test_unusable_commands_are_refused(flow):
         linear_segments(flow)
 
 
+def test_short_segments_are_joined():
+    random = np.random.default_rng(0)
+    commands = random.random((2, 300))
+    for shortest in (1, 2, 8, 40):
+        durations = linear_segments(commands, shortest).durations
+        assert durations.min() >= shortest and durations.sum() == 300
+    assert linear_segments(commands, 400).durations.tolist() == [300]
+    starts = np.append(0, np.cumsum(linear_segments(commands, 8).durations)[:-1])
+    assert set(starts[1:]) <= set(np.flatnonzero(split_points(commands)))
+
+
 def test_cut_segments_send_the_same_commands():
     random = np.random.default_rng(0)
     segments = Segments(random.normal(size=(6, 2)), random.normal(size=(6, 2)), np.array([1, 5, 10, 11, 30, 99]))

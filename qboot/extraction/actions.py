@@ -39,7 +39,16 @@ class ActionSettings:
 
     scale: str = "none"
     """Scaling of the features to cluster: "none", "std", "minmax", or "logstd" (log duration, then std). The paper
-    gives none; unscaled, durations count most."""
+    gives none."""
+
+    duration_unit: float = 20.0
+    """Steps of duration that count as much as the whole range of a command, with the scale "none", > 0. With 1,
+    durations alone decide, and rare commands, such as dropping a ball, are averaged away."""
+
+    min_duration: int = 8
+    """Segments last at least so many steps, >= 1: split points that follow too soon are passed over. With 1, as
+    printed in the paper, a network that jitters gives actions of two or three steps, and exploring with them gets
+    nowhere."""
 
     max_duration: int = 100
     """Segments that last longer, in steps, are cut into equal parts before the clustering, >= 1: an action cannot be
@@ -59,8 +68,13 @@ class ActionSettings:
             raise ValueError(f"fuzziness must be greater than 1, got {self.fuzziness}.")
         if self.scale not in SCALES:
             raise ValueError(f"scale must be one of {SCALES}, got {self.scale!r}.")
-        if self.max_duration < 1:
-            raise ValueError(f"max_duration must be at least 1 step, got {self.max_duration}.")
+        if not self.duration_unit > 0:
+            raise ValueError(f"duration_unit must be positive, got {self.duration_unit}.")
+        if not 1 <= self.min_duration <= self.max_duration:
+            raise ValueError(
+                f"durations must satisfy 1 <= min_duration <= max_duration, got {self.min_duration} and "
+                f"{self.max_duration}."
+            )
         if self.max_iterations < 1:
             raise ValueError(f"max_iterations must be at least 1, got {self.max_iterations}.")
         if not self.tolerance >= 0:
@@ -125,7 +139,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
             "use more or longer traces, or fewer actions."
         )
     features = _features(cut_segments(segments, settings.max_duration))
-    scaling = fit_scaling(features, settings.scale)
+    scaling = fit_scaling(features, settings.scale, settings.duration_unit)
     found = cluster(
         scaling.apply(features),
         settings.n_actions,
@@ -147,10 +161,11 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
     return actions, ActionInfo(len(segments.durations), n_distinct, before, after, found.iterations)
 
 
-def fit_scaling(features: np.ndarray, scale: str) -> Scaling:
+def fit_scaling(features: np.ndarray, scale: str, duration_unit: float = 1.0) -> Scaling:
     """The scaling `scale` (one of SCALES) of features (n, 2E + 1); constant features are only shifted."""
     if scale == "none":
-        return Scaling(False, np.zeros(features.shape[1]), np.ones(features.shape[1]))
+        unit = np.append(np.ones(features.shape[1] - 1), duration_unit)
+        return Scaling(False, np.zeros(features.shape[1]), unit)
     is_log = scale == "logstd"
     if is_log:
         features = _with_last(features, np.log)

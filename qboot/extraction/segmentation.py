@@ -49,20 +49,22 @@ def split_points(commands: np.ndarray) -> np.ndarray:
     return points
 
 
-def linear_segments(commands: np.ndarray) -> Segments:
+def linear_segments(commands: np.ndarray, shortest: int = 1) -> Segments:
     """Least-squares lines between successive split points; the first segment starts at 0, the last ends at T.
 
     Args:
         commands: (E, T) values sent to the effectors.
+        shortest: split points nearer to the one before, or to an end, are passed over, so that no segment is
+            shorter (a flow that is shorter is one segment). With 1, all split points count.
 
     Returns:
-        One more segment than there are split points; durations sum to T. A segment of one step has slope 0.
+        The segments; durations sum to T. A segment of one step has slope 0.
 
     Raises:
         ValueError: as `split_points`.
     """
     commands = _checked(commands)
-    starts = np.append(0, np.flatnonzero(split_points(commands)))
+    starts = _spaced(np.flatnonzero(split_points(commands)), shortest, commands.shape[1])
     durations = np.diff(np.append(starts, commands.shape[1]))
     middle = (durations - 1) / 2
     time = np.arange(commands.shape[1]) - np.repeat(starts + middle, durations)  # 0 amid each segment
@@ -94,6 +96,15 @@ def join_segments(parts: list[Segments]) -> Segments:
     if not parts:
         raise ValueError("no segments to join: at least one flow of commands is needed.")
     return Segments(*(np.concatenate(field) for field in zip(*parts, strict=True)))
+
+
+def _spaced(points: np.ndarray, shortest: int, n_steps: int) -> np.ndarray:
+    """0, and those of the increasing `points` that leave `shortest` steps before and after them."""
+    starts = [0]
+    for point in points[points <= n_steps - shortest].tolist():
+        if point >= starts[-1] + shortest:
+            starts.append(point)
+    return np.array(starts)
 
 
 def _checked(commands: np.ndarray) -> np.ndarray:

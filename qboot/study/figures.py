@@ -1,4 +1,4 @@
-"""The paper's figures on our runs: which there are, how each is drawn, and as a command (`experiments/fig*.py`)."""
+"""The paper's figures on our runs: which there are, what they show, and how each is drawn (`experiments/fig*.py`)."""
 
 import argparse
 import io
@@ -7,29 +7,139 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib
 from matplotlib.figure import Figure
 
 from qboot.study import figures_behaviour, figures_extraction, figures_scores, files
 from qboot.study.curves import runs_below
+from qboot.study.drawing import STYLE, Drawn
 from qboot.study.files import RunError
 from qboot.study.runs import Run
 
-DOTS_PER_INCH = 120
-
-
-class Drawn(NamedTuple):
-    """A figure and what it shows."""
-
-    figure: Figure
-    shows: str  # in a sentence or two, with our numbers
-    runs: tuple[str, ...]  # labels of the runs that it was drawn from
+DOTS_PER_INCH = 110
 
 
 class Plot(NamedTuple):
-    """A figure of the paper: what it shows there, and how ours is drawn."""
+    """A figure of the paper."""
 
     title: str
-    paper: str
-    draw: Callable[[list[Run]], tuple[Figure, str, list[str]]]  # runs of one task -> the fields of Drawn
-    ball_collecting: int | None  # its number in the paper
-    box_pushing: int | None
+    paper: str  # what the paper's figure shows
+    draw: Callable[[list[Run]], Drawn]  # from runs of one task, at least one
+
+
+# Number in the paper to figure, per task: a task's further figures are further rows.
+PLOTS = {
+    "ball_collecting": {
+        3: Plot(
+            "How commands are cut into actions",
+            "200 steps of two motors, the mean of their second derivatives, the split points in green and the linear "
+            "models in red.",
+            figures_extraction.segmentation,
+        ),
+        4: Plot(
+            "The domains",
+            "Three arenas with three placements of robot, balls, switch and basket each.",
+            figures_behaviour.domains,
+        ),
+        5: Plot(
+            "A best network's behaviour",
+            "The path of a best individual, red while it carries a ball.",
+            figures_behaviour.evolved_behaviour,
+        ),
+        6: Plot(
+            "Learning on the source set",
+            "Median and quartiles over 30 runs. ER's median reaches the top score of 8 after 287 generations of 128 "
+            "episodes, Q-learning's its best after 481 episodes.",
+            figures_scores.learning_on_source,
+        ),
+        7: Plot(
+            "A Q-policy's behaviour",
+            "The path of a Q-policy and, in a panel each, where its four actions are in force: turning slightly right "
+            "or left, sharply left, and dropping the ball.",
+            figures_behaviour.learned_behaviour,
+        ),
+        8: Plot(
+            "Generalisation to new domains",
+            "Without further training, medians of 10 (Q-learning) and 2 (ER) of 24 over 30 runs, p = 1.084e-11.",
+            figures_scores.generalising,
+        ),
+        9: Plot(
+            "Learning on the target set",
+            "Median and quartiles over 30 runs. The medians reach the top score of 24 after 8,616 episodes "
+            "(Q-learning), 268,160 (ER) and 305,152 (ER + transfer).",
+            figures_scores.learning_on_target,
+        ),
+    },
+    "box_pushing": {
+        11: Plot(
+            "The domains",
+            "Three source blocks in the top row, three target blocks of other sizes below.",
+            figures_behaviour.domains,
+        ),
+        12: Plot(
+            "A best network's behaviour",
+            "The path of the end effector from its start to the block.",
+            figures_behaviour.evolved_behaviour,
+        ),
+        13: Plot(
+            "A Q-policy's behaviour",
+            "The path of the end effector with three actions: one puts the arm high and into a corner, one turns and "
+            "descends, one goes straight to the block.",
+            figures_behaviour.learned_behaviour,
+        ),
+        14: Plot(
+            "Learning on the source set",
+            "Median and quartiles over 30 runs. ER's median reaches the top score of 15 after 390 generations of 128 "
+            "episodes.",
+            figures_scores.learning_on_source,
+        ),
+        15: Plot(
+            "Generalisation to new domains",
+            "Q-learning scores higher than ER without further training, p = 0.04804 (t-test).",
+            figures_scores.generalising,
+        ),
+        16: Plot(
+            "Learning on the target set",
+            "Median and quartiles over 30 runs. The medians reach the top score of 15 after 2,119 episodes "
+            "(Q-learning), 243,328 (ER) and 10,752 (ER + transfer).",
+            figures_scores.learning_on_target,
+        ),
+    },
+}
+
+
+def draw(number: int, some: list[Run]) -> Drawn:
+    """Draw the paper's figure `number` from those of the runs that are of its task.
+
+    Raises:
+        RunError: if there is no such run, or none has the files that the figure needs.
+    """
+    task = next(name for name, plots in PLOTS.items() if number in plots)
+    of_task = [run for run in some if run.settings.task == task]
+    if not of_task:
+        raise RunError(f"figure {number} needs runs of {task}, and there are none: give the folder of such a study")
+    with matplotlib.rc_context(STYLE):
+        return PLOTS[task][number].draw(of_task)
+
+
+def as_png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def command(number: int, arguments: list[str] | None = None) -> int:
+    """Draw one figure from the command line; return the exit code: 0 done, 2 bad input."""
+    parser = argparse.ArgumentParser(description=f"Draw figure {number} of the paper from finished runs.")
+    parser.add_argument("results", type=Path, metavar="RESULTS_FOLDER", help="folder of a study, or of one run")
+    parser.add_argument("--out", type=Path, default=Path(f"fig{number:02}.png"), metavar="FILE.png")
+    options = parser.parse_args(arguments)
+    try:
+        drawn = draw(number, runs_below(options.results))
+        files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
+    except RunError as error:
+        print(f"figure {number}: {error}", file=sys.stderr)
+        return 2
+    print(f"{options.out}: {drawn.shows}")
+    return 0

@@ -8,9 +8,10 @@ import numpy as np
 
 from qboot.study import files
 from qboot.study.curves import Curve, column, generalisation, moving_mean, source_curve, target_curve, top_score
+from qboot.study.files import RunError
 from qboot.study.runs import Run
-from qboot.study.statistics import episodes_to, on_grid
 from qboot.study.stages import read_actions, read_inputs, read_lineage
+from qboot.study.statistics import episodes_to, on_grid
 
 # A Q-learner's score varies from episode to episode, for it explores: its level is a mean over the last ones.
 WINDOW = 20
@@ -25,9 +26,7 @@ class Sample(NamedTuple):
     @staticmethod
     def join(samples: list["Sample"]) -> "Sample":
         """The values of several runs."""
-        return Sample(
-            np.concatenate([sample.values for sample in samples]), min(sample.given for sample in samples)
-        )
+        return Sample(np.concatenate([sample.values for sample in samples]), min(sample.given for sample in samples))
 
 
 class Measure(NamedTuple):
@@ -71,7 +70,10 @@ def _target_score(method: str, run: Run) -> Sample:
 
 
 def _extraction(name: str, run: Run) -> Sample:
-    return _one(float(files.read_npz(run.file("actions.npz"))[name]))
+    arrays = files.read_npz(run.file("actions.npz"))
+    if name not in arrays:
+        raise RunError(f"{run.file('actions.npz')} lacks {name}: it is not of this version; delete it and run again")
+    return _one(float(arrays[name]))
 
 
 _EVOLVING = ("population", "generations", "n_steps")
@@ -85,32 +87,18 @@ MEASURES = {
     "lineage of the best-of-run": Measure(
         "individuals", lambda run: _one(len(read_lineage(run).ids)), ("generations", "horizon")
     ),
-    "actions before clustering": Measure(
-        "segments", partial(_extraction, "n_segments"), (*_EVOLVING, "horizon")
-    ),
-    "actions after clustering": Measure(
-        "actions", lambda run: _one(len(read_actions(run).durations)), ()
-    ),
+    "actions before clustering": Measure("segments", partial(_extraction, "n_segments"), (*_EVOLVING, "horizon")),
+    "actions after clustering": Measure("actions", lambda run: _one(len(read_actions(run).durations)), ()),
     "duration of an action": Measure(
         "steps", lambda run: Sample(np.array(read_actions(run).durations, float)), (*_EVOLVING, "horizon")
     ),
     "distinct actions": Measure("actions", partial(_extraction, "n_distinct"), ()),
     "inputs of the Q-networks": Measure("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
-    "Q-learning episodes to the top score, source": Measure(
-        "episodes", _source_time, (*_EVOLVING, "horizon")
-    ),
-    "generalisation of ER": Measure(
-        "balls or pushes", lambda run: _one(generalisation(run, "ER")), _EVOLVING
-    ),
-    "generalisation of Q-learning": Measure(
-        "balls or pushes", lambda run: _one(generalisation(run, "QL")), _LEARNING
-    ),
-    "Q-learning episodes to the top score, target": Measure(
-        "episodes", partial(_target_time, "QL"), _LEARNING
-    ),
-    "ER episodes to the top score, target": Measure(
-        "episodes", partial(_target_time, "ER"), ("population", "n_steps")
-    ),
+    "Q-learning episodes to the top score, source": Measure("episodes", _source_time, (*_EVOLVING, "horizon")),
+    "generalisation of ER": Measure("balls or pushes", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
+    "generalisation of Q-learning": Measure("balls or pushes", lambda run: _one(generalisation(run, "QL")), _LEARNING),
+    "Q-learning episodes to the top score, target": Measure("episodes", partial(_target_time, "QL"), _LEARNING),
+    "ER episodes to the top score, target": Measure("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
     "ER+transfer episodes to the top score, target": Measure(
         "episodes", partial(_target_time, "ER+transfer"), _EVOLVING
     ),

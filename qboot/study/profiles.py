@@ -51,7 +51,7 @@ PROFILES = {
 
 N_ACTIONS = {"ball_collecting": 17, "box_pushing": 7}
 LEARNERS = {
-    "ball_collecting": LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125),
+    "ball_collecting": LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125, history="decisions"),
     "box_pushing": LearnerSettings(gamma=0.99, alpha=0.1, hidden=35),
 }
 

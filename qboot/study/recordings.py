@@ -60,9 +60,7 @@ def learned(run: Run) -> list[Recording]:
         domain = _at(domains, test)
         played = jax.device_get(policy.rollout(networks, jax.random.fold_in(key, test), task, domain, *parts))
         steps = int(played.mask.sum())
-        found.append(
-            Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps]))
-        )
+        found.append(Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps])))
     return found
 
 
@@ -82,7 +80,7 @@ def _joined(states: Any, final: Any, steps: int) -> Any:
 
 
 def _at(tree: Any, index: int | tuple[int, ...]) -> Any:
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
+    return jax.tree.map(lambda leaf: leaf[index], tree)
 
 
 def _start_states(task: Task, n_steps: int) -> Any:

@@ -62,6 +62,5 @@ def beside_paper(some: list[Run]) -> list[Size]:
     of_runs = [of_run(run) for run in some]
     values = {"runs": {len(some)}} | {name: {sizes[name] for sizes in of_runs} for name in of_runs[0]}
     return [
-        Size(label, tuple(sorted(values[name])), paper[name], name not in NOT_PRINTED)
-        for name, label in LABELS.items()
+        Size(label, tuple(sorted(values[name])), paper[name], name not in NOT_PRINTED) for name, label in LABELS.items()
     ]

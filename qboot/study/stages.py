@@ -88,7 +88,7 @@ def extract_stage(run: Run, workers: int) -> None:
             f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
             "version of qboot or on other hardware; evolve again on this one"
         )
-    segments = join_segments([linear_segments(trace.commands.T) for trace in flow])
+    segments = join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])
     actions, report = cluster_actions(segments, run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
     settings = run.settings.sensors

@@ -87,9 +87,10 @@ def median_interval(values: np.ndarray, level: float = 0.95, seed: int = 0) -> t
     values = np.asarray(values, float)
     if len(values) < 2:
         return np.nan, np.nan
-    medians = stats.bootstrap(
-        (values,), np.median, n_resamples=RESAMPLES, method="percentile", rng=np.random.default_rng(seed)
-    ).bootstrap_distribution
+    rng = np.random.default_rng(seed)
+    with np.errstate(invalid="ignore"):  # its standard error is not a number where values are infinite
+        found = stats.bootstrap((values,), np.median, n_resamples=RESAMPLES, method="percentile", rng=rng)
+    medians = found.bootstrap_distribution
     low, high = _quantiles(medians, ((1 - level) / 2, (1 + level) / 2), 0)
     return float(low), float(high)
 

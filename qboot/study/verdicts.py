@@ -109,9 +109,7 @@ def _row(result: Result, some: list[Run]) -> Row:
 
 
 def _finding(conclusion: Conclusion, some: list[Run]) -> Finding:
-    greater, smaller = (
-        gather(some, MEASURES[name].read).found for name in (conclusion.greater, conclusion.smaller)
-    )
+    greater, smaller = (gather(some, MEASURES[name].read).found for name in (conclusion.greater, conclusion.smaller))
     both = [label for label in greater if label in smaller]
     if not both:
         return Finding(conclusion, 0, (np.nan, np.nan), Comparison(np.nan, np.nan), NO_DATA)

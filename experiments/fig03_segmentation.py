@@ -1,0 +1,8 @@
+"""Figure 3 of the paper, how commands are cut into linear actions: `python experiments/fig03_segmentation.py RESULTS_FOLDER`."""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(3))

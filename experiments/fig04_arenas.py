@@ -1,0 +1,8 @@
+"""Figure 4 of the paper, the domains of ball collecting: `python experiments/fig04_arenas.py RESULTS_FOLDER`."""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(4))

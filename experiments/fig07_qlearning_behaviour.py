@@ -1,0 +1,8 @@
+"""Figure 7 of the paper, the path of a Q-policy and its actions: `python experiments/fig07_qlearning_behaviour.py RESULTS_FOLDER`."""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(7))

@@ -1,0 +1,8 @@
+"""Figure 8 of the paper, scores in new domains without learning there, ball collecting: `python experiments/fig08_generalisation.py RESULTS_FOLDER`."""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(8))

@@ -1,0 +1,8 @@
+"""Figure 9 of the paper, learning in new domains, ball collecting: `python experiments/fig09_transfer.py RESULTS_FOLDER`."""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(9))

@@ -1,0 +1,163 @@
+"""The report on a study: one self-contained HTML page with our numbers and figures beside the paper's."""
+
+import base64
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from qboot.study import figures, files, replay, sizes, verdicts
+from qboot.study.curves import gather, runs_below, source_curve
+from qboot.study.figures import PLOTS, Plot
+from qboot.study.figures_extraction import best_run
+from qboot.study.files import RunError
+from qboot.study.replay import PAGES, Player
+from qboot.study.runs import Run
+from qboot.study.sizes import Size
+from qboot.study.verdicts import Finding, Row
+
+# The last file that each stage writes.
+STAGE_FILES = {"evolve": "pareto.npz", "extract": "sensors.npz", "learn": "qnets.npz", "transfer": "transfer.csv"}
+
+
+class Picture(NamedTuple):
+    """A figure as the page shows it."""
+
+    number: int
+    plot: Plot
+    shows: str  # what ours shows, or why there is none
+    runs: list[str]
+    png: str  # base64, empty when there is none
+
+
+class RunLine(NamedTuple):
+    """One run in the table of runs."""
+
+    run: Run
+    best: float  # best score of ER on the source set, NaN if it has none
+    done: dict[str, bool]  # by stage
+    seconds: dict[str, float]  # wall time by stage, where it was recorded
+
+
+class Section(NamedTuple):
+    """All that the page says on one task."""
+
+    task: str
+    sizes: list[Size]
+    rows: list[Row]
+    findings: list[Finding]
+    pictures: list[Picture]
+    players: list[Player]
+    player_run: str  # label of the run that is played, or why none is
+    lines: list[RunLine]
+
+
+def write(out: Path) -> Path:
+    """Write OUT/report.html on all runs below `out`; what is missing is named in it.
+
+    Raises:
+        RunError: if there are no runs below `out`, or a configuration cannot be read.
+    """
+    some = runs_below(out)
+    tasks = dict.fromkeys(run.settings.task for run in some)
+    sections = [_section(task, [run for run in some if run.settings.task == task]) for task in tasks]
+    page = PAGES.get_template("report.html.jinja").render(
+        sections=sections,
+        profiles=sorted({run.settings.profile for run in some}),
+        origins=_origins(some),
+        rules=verdicts.RULES,
+        stages=tuple(STAGE_FILES),
+    )
+    path = out / "report.html"
+    files.write_text(path, page)
+    return path
+
+
+def as_number(value: float) -> str:
+    """A number for people: no more digits than say something."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "never"
+    if abs(value) >= 100 or value == int(value):
+        return f"{value:,.0f}"
+    return f"{value:.3g}"
+
+
+def as_duration(seconds: float) -> str:
+    """A wall time for people."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6_000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3_600:.1f} h"
+
+
+def _section(task: str, some: list[Run]) -> Section:
+    players, player_run = _played(some)
+    return Section(
+        task=task,
+        sizes=sizes.beside_paper(some),
+        rows=verdicts.rows(some),
+        findings=verdicts.findings(some),
+        pictures=[_picture(number, plot, some) for number, plot in PLOTS[task].items()],
+        players=players,
+        player_run=player_run,
+        lines=[_line(run) for run in some],
+    )
+
+
+def _picture(number: int, plot: Plot, some: list[Run]) -> Picture:
+    try:
+        drawn = figures.draw(number, some)
+    except RunError as error:
+        return Picture(number, plot, str(error), [], "")
+    png = base64.b64encode(figures.as_png(drawn.figure)).decode()
+    return Picture(number, plot, drawn.shows, drawn.runs, png)
+
+
+def _played(some: list[Run]) -> tuple[list[Player], str]:
+    try:
+        run = best_run(some, "lineage.npz", "actions.npz", "sensors.npz", "qnets.npz")
+        return replay.players(run), run.label
+    except RunError as error:
+        return [], str(error)
+
+
+def _line(run: Run) -> RunLine:
+    best = gather([run], lambda run: float(source_curve(run, "ER").scores.max())).found.get(run.label, np.nan)
+    done = {stage: run.file(name).exists() for stage, name in STAGE_FILES.items()}
+    return RunLine(run, best, done, _seconds(run))
+
+
+def _seconds(run: Run) -> dict[str, float]:
+    """Wall time by stage: the sum over its starts, from timing.csv (`stage,seconds` a line), if there is one."""
+    total: dict[str, float] = {}
+    path = run.file("timing.csv")
+    for line in path.read_text().splitlines() if path.exists() else ():
+        stage, _, seconds = line.partition(",")
+        total[stage] = total.get(stage, 0.0) + float(seconds)
+    return total
+
+
+def _origins(some: list[Run]) -> dict[str, list[str]]:
+    """With what the runs were made: the different values that their configurations hold."""
+    configs = [files.read_json(run.file("config.json")) for run in some]
+
+    def different(read: Callable[[dict], str]) -> list[str]:
+        return sorted({read(config) or "not known" for config in configs})
+
+    packages = different(lambda config: ", ".join(f"{name} {v}" for name, v in config.get("packages", {}).items()))
+    return {
+        "qboot": different(lambda config: config.get("qboot", "")),
+        "git commit (+: changed since)": different(lambda config: config.get("git_commit", "")),
+        "Python": different(lambda config: config.get("python", "")),
+        "packages": packages,
+        "machine": different(lambda config: config.get("machine", "")),
+        "XLA flags": different(lambda config: config.get("xla_flags", "")),
+    }
+
+
+PAGES.filters |= {"number": as_number, "duration": as_duration}
