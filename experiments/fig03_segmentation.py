@@ -1,4 +1,7 @@
-"""Figure 3 of the paper, how commands are cut into linear actions: `python experiments/fig03_segmentation.py RESULTS_FOLDER`."""
+"""Figure 3 of the paper, how commands are cut into linear actions.
+
+python experiments/fig03_segmentation.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

@@ -1,4 +1,7 @@
-"""Figure 4 of the paper, the domains of ball collecting: `python experiments/fig04_arenas.py RESULTS_FOLDER`."""
+"""Figure 4 of the paper, the domains of ball collecting.
+
+python experiments/fig04_arenas.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

@@ -1,4 +1,7 @@
-"""Figure 5 of the paper, the path of a best evolved network: `python experiments/fig05_evolved_behaviour.py RESULTS_FOLDER`."""
+"""Figure 5 of the paper, the path of a best evolved network.
+
+python experiments/fig05_evolved_behaviour.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

@@ -1,4 +1,7 @@
-"""Figure 6 of the paper, learning on the source set, ball collecting: `python experiments/fig06_learning_on_source.py RESULTS_FOLDER`."""
+"""Figure 6 of the paper, learning on the source set, ball collecting.
+
+python experiments/fig06_learning_on_source.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

@@ -1,4 +1,7 @@
-"""Figure 7 of the paper, the path of a Q-policy and its actions: `python experiments/fig07_qlearning_behaviour.py RESULTS_FOLDER`."""
+"""Figure 7 of the paper, the path of a Q-policy and its actions.
+
+python experiments/fig07_qlearning_behaviour.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

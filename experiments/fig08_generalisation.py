@@ -1,4 +1,7 @@
-"""Figure 8 of the paper, scores in new domains without learning there, ball collecting: `python experiments/fig08_generalisation.py RESULTS_FOLDER`."""
+"""Figure 8 of the paper, scores in new domains without learning there, ball collecting.
+
+python experiments/fig08_generalisation.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

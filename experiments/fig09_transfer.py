@@ -1,4 +1,7 @@
-"""Figure 9 of the paper, learning in new domains, ball collecting: `python experiments/fig09_transfer.py RESULTS_FOLDER`."""
+"""Figure 9 of the paper, learning in new domains, ball collecting.
+
+python experiments/fig09_transfer.py RESULTS_FOLDER [--out FILE.png]
+"""
 
 import sys
 

@@ -35,7 +35,7 @@ class SensorSettings:
     lags: int = 8
     """mu: past observations that inputs are chosen from, >= 1."""
 
-    rule: str = "bic"
+    rule: str = "bic_rows"
     """Penalty by BIC for `sample_size` observations ("bic"), for as many as there are traces ("bic_traces") or rows
     ("bic_rows"), or the penalty `alpha` ("fixed")."""
 

@@ -6,7 +6,7 @@ ER+transfer (evolution from the source's Pareto front).
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -15,8 +15,6 @@ from qboot.study import files, runs
 from qboot.study.files import RunError
 from qboot.study.runs import Run
 from qboot.study.stages import task_of
-
-Value = TypeVar("Value")
 
 METHODS = ("QL", "ER", "ER+transfer")
 # File and columns of a method's learning on the source set.
@@ -33,8 +31,8 @@ class Curve(NamedTuple):
 class Gathered(NamedTuple):
     """Something read from several runs."""
 
-    found: dict[str, object]  # value by the run's label
-    missing: dict[str, str]  # why there is none, by the run's label
+    found: dict[Run, Any]  # the values
+    missing: dict[Run, str]  # why there is none
 
 
 def runs_below(folder: Path) -> list[Run]:
@@ -53,50 +51,48 @@ def runs_below(folder: Path) -> list[Run]:
     return found
 
 
-def gather(some: list[Run], read: Callable[[Run], Value]) -> Gathered:
+def gather(some: list[Run], read: Callable[[Run], Any]) -> Gathered:
     """Call `read` on each run; runs that lack what it needs are told apart."""
     found, missing = {}, {}
     for run in some:
         try:
-            found[run.label] = read(run)
+            found[run] = read(run)
         except RunError as error:
-            missing[run.label] = str(error)
+            missing[run] = str(error)
     return Gathered(found, missing)
 
 
-def column(run: Run, file: str, name: str) -> np.ndarray:
-    """A column (K,) of a CSV file of a run: numbers, or text where they are none.
+def columns(run: Run, file: str, *names: str) -> list[np.ndarray]:
+    """Columns (K,) of a CSV file of a run: numbers, or text where they are none.
 
     Raises:
-        RunError: if the file or the column is missing, or has no rows.
+        RunError: if the file or a column is missing, or has no rows.
     """
-    values = files.read_csv(run.file(file)).get(name)
-    if not values:
-        raise RunError(f"{run.file(file)} has no values {name!r}: run the stage that makes it again")
-    try:
-        return np.array(values, float)
-    except ValueError:
-        return np.array(values)
+    found = files.read_csv(run.file(file))
+    for name in names:
+        if not found.get(name):
+            raise RunError(f"{run.file(file)} has no values {name!r}: delete it and run the stage that makes it again")
+    return [_parsed(found[name]) for name in names]
 
 
 def source_curve(run: Run, method: str) -> Curve:
     """Learning on the source set by "ER" or "QL" (figures 6 and 14)."""
-    file, episodes, scores = _SOURCE[method]
-    return Curve(column(run, file, episodes), column(run, file, scores))
+    return Curve(*columns(run, *_SOURCE[method]))
 
 
 def target_curve(run: Run, method: str) -> Curve:
     """Learning on the target set by one of METHODS (figures 9 and 16)."""
-    rows = column(run, "transfer.csv", "method") == method
+    methods, episodes, scores = columns(run, "transfer.csv", "method", "episodes", "score")
+    rows = methods == method
     if not rows.any():
-        raise RunError(f"{run.file('transfer.csv')} has no rows of {method}: run the stage transfer again")
-    return Curve(column(run, "transfer.csv", "episodes")[rows], column(run, "transfer.csv", "score")[rows])
+        raise RunError(f"{run.file('transfer.csv')} has no rows of {method}: delete it and run transfer again")
+    return Curve(episodes[rows], scores[rows])
 
 
 def generalisation(run: Run, method: str) -> float:
     """Score on the target set without learning there, summed over its domains, of "ER" or "QL" (figures 8 and 15)."""
-    rows = column(run, "generalisation.csv", "method") == method
-    return float(column(run, "generalisation.csv", "score")[rows].sum())
+    methods, scores = columns(run, "generalisation.csv", "method", "score")
+    return float(scores[methods == method].sum())
 
 
 def top_score(run: Run, domains: str) -> float:
@@ -119,3 +115,10 @@ def common_grid(curves: list[Curve], points: int = 400) -> np.ndarray:
     first = min(curve.episodes[0] for curve in curves)
     last = min(curve.episodes[-1] for curve in curves)
     return np.unique(np.rint(np.geomspace(first, max(first, last), points)))
+
+
+def _parsed(values: list[str]) -> np.ndarray:
+    try:
+        return np.array(values, float)
+    except ValueError:
+        return np.array(values)

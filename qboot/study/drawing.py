@@ -18,7 +18,6 @@ STYLE = {
     "axes.spines.right": False,
     "axes.titlesize": 10,
     "axes.titleweight": "bold",
-    "axes.grid": False,
     "grid.color": "#dddddd",
     "legend.frameon": False,
 }

@@ -123,4 +123,3 @@ def _command_text(actions: ActionSet, action: int, effectors: tuple[str, ...]) -
         for name, start, end in zip(effectors, first.clip(0, 1), last.clip(0, 1), strict=True)
     ]
     return "\n".join([f"action {action}: {steps} steps", *lines])
-

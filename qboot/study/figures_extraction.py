@@ -28,7 +28,9 @@ def segmentation(runs: list[Run]) -> Drawn:
     figure, axes = new_figure(len(effectors) + 1, 1, 8.0, 1.5 * (len(effectors) + 1), sharex=True)
     for row, name in enumerate(effectors):
         axes[row, 0].plot(commands[row, :end], color=BLUE, linewidth=1, label="command")
-        axes[row, 0].add_collection(LineCollection(_models(segments, row), color=RED, linewidth=1.8, label="linear model"))
+        axes[row, 0].add_collection(
+            LineCollection(_models(segments, row), color=RED, linewidth=1.8, label="linear model")
+        )
         axes[row, 0].set(ylabel=name.replace("_", " "), ylim=(-0.05, 1.05))
     below = axes[-1, 0]
     below.plot(np.arange(1, end - 1), strength[: end - 2], color=GREY, linewidth=1, label="second derivative")
@@ -57,8 +59,7 @@ def best_run(runs: list[Run], *needed: str) -> Run:
     scores = gather(ready, lambda run: source_curve(run, "ER").scores.max()).found
     if not scores:
         raise RunError(f"no run has {' and '.join(('history.csv', *needed))}: run the stages")
-    best = max(scores, key=scores.get)
-    return next(run for run in ready if run.label == best)
+    return max(scores, key=scores.get)
 
 
 def _models(segments: Segments, effector: int) -> np.ndarray:

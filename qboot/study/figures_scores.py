@@ -60,7 +60,7 @@ def generalising(runs: list[Run]) -> Drawn:
         f"p = {comparison.p_value:.3g}; a Q-policy scores higher than a network with probability "
         f"{comparison.a12:.2f} (A12, ties half). A dot is a run."
     )
-    return Drawn(figure, shows, list(found))
+    return Drawn(figure, shows, [run.label for run in found])
 
 
 def _learning(runs: list[Run], methods: tuple[str, ...], read: Callable[[Run, str], Curve], which: str) -> Drawn:
@@ -87,7 +87,8 @@ def _learning(runs: list[Run], methods: tuple[str, ...], read: Callable[[Run, st
         f"Median at the end: {'; '.join(ends)}. Bands reach from the lower to the upper quartile over runs. ER is the "
         f"best of the population; Q-learning is the mean of the last {WINDOW} episodes, thin the median of single ones."
     )
-    return Drawn(figure, shows, list(dict.fromkeys(label for found in curves.values() for label in found)))
+    drawn = dict.fromkeys(run for found in curves.values() for run in found)
+    return Drawn(figure, shows, [run.label for run in drawn])
 
 
 def _draw_method(axes: Axes, method: str, curves: list[Curve]) -> tuple[float, float]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qboot.study import files
-from qboot.study.curves import Curve, column, generalisation, moving_mean, source_curve, target_curve, top_score
+from qboot.study.curves import Curve, columns, generalisation, moving_mean, source_curve, target_curve, top_score
 from qboot.study.files import RunError
 from qboot.study.runs import Run
 from qboot.study.stages import read_actions, read_inputs, read_lineage
@@ -47,7 +47,7 @@ def _one(value: float) -> Sample:
 
 
 def _generations_to_top(run: Run) -> Sample:
-    curve = Curve(column(run, "history.csv", "generation"), column(run, "history.csv", "best"))
+    curve = Curve(*columns(run, "history.csv", "generation", "best"))
     return time_to_top(curve, top_score(run, "source"))
 
 
@@ -82,7 +82,7 @@ _LEARNING = (*_EVOLVING, "horizon", "episodes")
 MEASURES = {
     "generations to the top score": Measure("generations", _generations_to_top, ("population", "n_steps")),
     "best score of ER on the source set": Measure(
-        "balls or pushes", lambda run: _one(source_curve(run, "ER").scores[-1]), _EVOLVING
+        "score", lambda run: _one(source_curve(run, "ER").scores[-1]), _EVOLVING
     ),
     "lineage of the best-of-run": Measure(
         "individuals", lambda run: _one(len(read_lineage(run).ids)), ("generations", "horizon")
@@ -95,18 +95,14 @@ MEASURES = {
     "distinct actions": Measure("actions", partial(_extraction, "n_distinct"), ()),
     "inputs of the Q-networks": Measure("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
     "Q-learning episodes to the top score, source": Measure("episodes", _source_time, (*_EVOLVING, "horizon")),
-    "generalisation of ER": Measure("balls or pushes", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
-    "generalisation of Q-learning": Measure("balls or pushes", lambda run: _one(generalisation(run, "QL")), _LEARNING),
+    "generalisation of ER": Measure("score", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
+    "generalisation of Q-learning": Measure("score", lambda run: _one(generalisation(run, "QL")), _LEARNING),
     "Q-learning episodes to the top score, target": Measure("episodes", partial(_target_time, "QL"), _LEARNING),
     "ER episodes to the top score, target": Measure("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
     "ER+transfer episodes to the top score, target": Measure(
         "episodes", partial(_target_time, "ER+transfer"), _EVOLVING
     ),
-    "score of Q-learning, target": Measure("balls or pushes", partial(_target_score, "QL"), _LEARNING),
-    "score of ER at that time, target": Measure(
-        "balls or pushes", partial(_target_score, "ER"), ("population", "n_steps")
-    ),
-    "score of ER+transfer at that time, target": Measure(
-        "balls or pushes", partial(_target_score, "ER+transfer"), _EVOLVING
-    ),
+    "score of Q-learning, target": Measure("score", partial(_target_score, "QL"), _LEARNING),
+    "score of ER at that time, target": Measure("score", partial(_target_score, "ER"), ("population", "n_steps")),
+    "score of ER+transfer at that time, target": Measure("score", partial(_target_score, "ER+transfer"), _EVOLVING),
 }

@@ -52,6 +52,7 @@ class Section(NamedTuple):
     players: list[Player]
     player_run: str  # label of the run that is played, or why none is
     lines: list[RunLine]
+    missing: list[str]  # files that lack or cannot be read
 
 
 def write(out: Path) -> Path:
@@ -97,15 +98,17 @@ def as_duration(seconds: float) -> str:
 
 def _section(task: str, some: list[Run]) -> Section:
     players, player_run = _played(some)
+    rows = verdicts.rows(some)
     return Section(
         task=task,
         sizes=sizes.beside_paper(some),
-        rows=verdicts.rows(some),
+        rows=rows,
         findings=verdicts.findings(some),
         pictures=[_picture(number, plot, some) for number, plot in PLOTS[task].items()],
         players=players,
         player_run=player_run,
         lines=[_line(run) for run in some],
+        missing=sorted({reason for row in rows for reason in row.missing}),
     )
 
 
@@ -127,7 +130,7 @@ def _played(some: list[Run]) -> tuple[list[Player], str]:
 
 
 def _line(run: Run) -> RunLine:
-    best = gather([run], lambda run: float(source_curve(run, "ER").scores.max())).found.get(run.label, np.nan)
+    best = gather([run], lambda run: float(source_curve(run, "ER").scores.max())).found.get(run, np.nan)
     done = {stage: run.file(name).exists() for stage, name in STAGE_FILES.items()}
     return RunLine(run, best, done, _seconds(run))
 

@@ -67,7 +67,9 @@ def of_ball_collecting(domain: Domain, states: ball_collecting.BallState) -> Sce
         for centre, visible in zip(domain.balls, present.T, strict=True)
     ]
     basket = _disc("basket", domain.basket, float(domain.basket_radius), GREEN)
-    switch = _disc("switch", domain.switch, 12.0, PURPLE, active=pulled, active_colour=PALE_PURPLE, active_label="pulled switch")
+    switch = _disc(
+        "switch", domain.switch, 12.0, PURPLE, active=pulled, active_colour=PALE_PURPLE, active_label="pulled switch"
+    )
     side = float(domain.side)
     return Scene(0.0, 0.0, side, side, (basket, switch, *walls, *balls, robot), (robot,))
 
@@ -142,7 +144,8 @@ LOOKS = {
     "box_pushing": Look(
         of_box_pushing,
         _blocks,
-        "From above and, below that, from the side; the arm pushes to the left. Hand and block start at random places; one start is drawn for each block. The source sizes are the "
-        "original's, the target sizes ours, between and below them.",
+        "From above and, below that, from the side; the arm pushes to the left. Hand and block start at random "
+        "places; one start is drawn for each block. The source sizes are the original's, the target sizes ours, "
+        "between and below them.",
     ),
 }

@@ -100,6 +100,7 @@ def _quantiles(values: np.ndarray, shares: tuple[float, ...], axis: int) -> np.n
     if not values.shape[axis]:
         raise ValueError("no values: quantiles need at least 1")
     with np.errstate(invalid="ignore"):
-        found = np.quantile(values, shares, axis=axis)
-    # Between two infinite values NumPy interpolates to NaN.
-    return np.where(np.isnan(found) & ~np.isnan(values).any(axis=axis), np.inf, found)
+        between = np.quantile(values, shares, axis=axis)
+    lower, higher = (np.quantile(values, shares, axis=axis, method=method) for method in ("lower", "higher"))
+    # NumPy's interpolation is not a number next to an infinite value.
+    return np.where(lower == higher, lower, np.where(np.isinf(higher), higher, between))

@@ -41,6 +41,7 @@ class Row(NamedTuple):
     interval: tuple[float, float]  # 95 % bootstrap interval of the median
     not_reached: int | None  # runs that did not reach the goal; None when it is no time
     verdict: str
+    missing: list[str]  # why runs have no such number
 
 
 class Finding(NamedTuple):
@@ -91,10 +92,11 @@ def judge_order(comparison: Comparison, top: float, n_runs: int, has_sizes: bool
 
 def _row(result: Result, some: list[Run]) -> Row:
     measure = MEASURES[result.measure]
-    found = [sample for sample in gather(some, measure.read).found.values() if len(sample.values)]
+    gathered = gather(some, measure.read)
+    found, missing = list(gathered.found.values()), list(gathered.missing.values())
     if not found:
         nothing = Quartiles(np.nan, np.nan, np.nan)
-        return Row(result, measure.unit, 0, np.nan, nothing, (np.nan, np.nan), None, NO_DATA)
+        return Row(result, measure.unit, 0, np.nan, nothing, (np.nan, np.nan), None, NO_DATA, missing)
     sample = Sample.join(found)
     return Row(
         result=result,
@@ -105,15 +107,16 @@ def _row(result: Result, some: list[Run]) -> Row:
         interval=median_interval(sample.values),
         not_reached=int(np.isinf(sample.values).sum()) if np.isfinite(sample.given) else None,
         verdict=judge(result, sample, len(found), _has_sizes(some, measure.needs)),
+        missing=missing,
     )
 
 
 def _finding(conclusion: Conclusion, some: list[Run]) -> Finding:
     greater, smaller = (gather(some, MEASURES[name].read).found for name in (conclusion.greater, conclusion.smaller))
-    both = [label for label in greater if label in smaller]
+    both = [run for run in greater if run in smaller]
     if not both:
         return Finding(conclusion, 0, (np.nan, np.nan), Comparison(np.nan, np.nan), NO_DATA)
-    first, second = (np.concatenate([of[label].values for label in both]) for of in (greater, smaller))
+    first, second = (np.concatenate([of[run].values for run in both]) for of in (greater, smaller))
     comparison = mann_whitney(first, second)
     top = float(max(first.max(), second.max()))
     verdict = judge_order(comparison, top, len(both), _has_sizes(some, _NEEDED_FOR_ORDER))

@@ -1,0 +1,11 @@
+"""Figure 15 of the paper, scores in new domains without learning there, box pushing.
+
+python experiments/fig15_generalisation.py RESULTS_FOLDER [--out FILE.png]
+"""
+
+import sys
+
+from qboot.study.figures import command
+
+if __name__ == "__main__":
+    sys.exit(command(15))

@@ -1,0 +1,88 @@
+"""Statistics over runs, against hand-made cases and scipy."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from qboot.study import statistics
+
+
+def test_quartiles_of_finite_values_are_numpys():
+    values = np.random.default_rng(0).normal(size=(7, 3))
+    found = statistics.quartiles(values)
+    np.testing.assert_allclose(found, np.quantile(values, [0.25, 0.5, 0.75], axis=0))
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1, 2, 3, 4, np.inf], (2, 3, 4)),
+        ([1, 2, 3, np.inf, np.inf], (2, 3, np.inf)),
+        ([1, np.inf, np.inf, np.inf, np.inf], (np.inf, np.inf, np.inf)),
+        ([1, np.inf], (np.inf, np.inf, np.inf)),
+        ([5], (5, 5, 5)),
+    ],
+)
+def test_quartiles_when_some_runs_never_got_there(values, expected):
+    assert tuple(map(float, statistics.quartiles(np.array(values, float)))) == expected
+
+
+def test_quartiles_keep_what_is_no_number():
+    assert np.isnan(statistics.quartiles(np.array([1.0, np.nan])).median)
+
+
+def test_no_values_are_refused():
+    with pytest.raises(ValueError, match="at least 1"):
+        statistics.quartiles(np.array([]))
+    with pytest.raises(ValueError, match="at least 1"):
+        statistics.mann_whitney([], [1.0])
+    with pytest.raises(ValueError, match="at least 1"):
+        statistics.median_and_quartiles([], np.array([1]))
+
+
+def test_a_curve_holds_its_last_value():
+    found = statistics.on_grid(np.array([10, 20, 40]), np.array([1, 3, 2]), np.array([5, 10, 19, 20, 39, 40, 99]))
+    np.testing.assert_array_equal(found, [np.nan, 1, 1, 3, 3, 2, 2])
+
+
+def test_median_and_quartiles_over_runs():
+    curves = [(np.array([1, 3]), np.array([0, score])) for score in (1, 2, 3, 4, 5)]
+    found = statistics.median_and_quartiles(curves, np.array([0, 1, 2, 3]))
+    np.testing.assert_array_equal(found.median, [np.nan, 0, 0, 3])
+    np.testing.assert_array_equal(found.lower, [np.nan, 0, 0, 2])
+    np.testing.assert_array_equal(found.upper, [np.nan, 0, 0, 4])
+
+
+@pytest.mark.parametrize(("goal", "expected"), [(0, 10), (2, 20), (3, 20), (4, np.inf)])
+def test_episodes_to_a_score(goal, expected):
+    assert statistics.episodes_to(np.array([10, 20, 30]), np.array([1, 3, 2]), goal) == expected
+
+
+def test_mann_whitney_is_scipys_and_a12_counts_pairs():
+    generator = np.random.default_rng(1)
+    first, second = generator.integers(0, 9, 30), generator.integers(2, 12, 25)
+    found = statistics.mann_whitney(first, second)
+    assert found.p_value == stats.mannwhitneyu(first, second, alternative="two-sided").pvalue
+    greater = (first[:, None] > second).mean() + (first[:, None] == second).mean() / 2
+    assert found.a12 == pytest.approx(greater)
+
+
+def test_mann_whitney_at_the_ends():
+    assert statistics.mann_whitney([1, 2, 3], [4, 5, 6]) == (pytest.approx(0.1), 0.0)
+    assert statistics.mann_whitney([0, 0], [0, 0, 0]) == (1.0, 0.5)
+    assert statistics.mann_whitney([np.inf, np.inf], [1, 2]).a12 == 1.0
+
+
+def test_the_interval_of_the_median_is_scipys_and_repeatable():
+    values = np.random.default_rng(2).normal(size=30)
+    low, high = statistics.median_interval(values)
+    expected = stats.bootstrap((values,), np.median, method="percentile", rng=np.random.default_rng(0))
+    assert (low, high) == pytest.approx(tuple(expected.confidence_interval))
+    assert (low, high) == statistics.median_interval(values)
+    assert low < np.median(values) < high
+
+
+def test_the_interval_may_be_open():
+    low, high = statistics.median_interval(np.array([1.0, 2, 3, np.inf, np.inf]))
+    assert np.isfinite(low) and np.isinf(high)
+    assert np.isnan(statistics.median_interval(np.array([1.0]))).all()
