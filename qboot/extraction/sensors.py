@@ -3,10 +3,9 @@
 Shape letters: S sensors, L lags (the paper's mu), T steps, P inputs that vary (L S of them at most).
 Only sums of products over all rows are kept, never the rows, so any number of traces fits in memory.
 
-How many inputs survive is decided by how strong a lasso penalty is. A robot's sensors are predicted best by their own
-last values. So a strong penalty makes every sensor vote for itself alone, and no input gets a majority; a weak one
-keeps nearly every input. Criteria that count rows are weak: rows are many and alike. That is why the default credits a
-fixed number of observations, whatever the length of the traces (`docs/fidelity.md` has the counts).
+How many inputs survive is decided by how strong the lasso's penalty is. A robot's sensors are predicted best by their
+own last values. So a strong penalty makes every sensor vote for itself alone, and no input gets a majority; a weak one
+keeps nearly every input. `docs/fidelity.md` has the counts, and why the default is the plain criterion.
 """
 
 import warnings
