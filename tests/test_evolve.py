@@ -83,7 +83,7 @@ def test_transfer_starts_from_the_front():
     state, _ = run(problem(), 2)
     front = evolve.pareto_front(state).genomes
     # Without mutation the first population is made of the front alone.
-    unchanged = EvolutionSettings(population=6, rates=MutationRates(0, 0, 0, 0, 0, 0))
+    unchanged = EvolutionSettings(population=6, rates=MutationRates(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     started, _ = evolve.init(problem(seed=9, settings=unchanged), front)
     known = {weights.tobytes() for weights in front.weights}
     assert {weights.tobytes() for weights in started.population.genomes.weights} <= known

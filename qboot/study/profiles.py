@@ -34,8 +34,8 @@ PROFILES = {
     },
     # Curves that rise, on two cores, while one has a coffee.
     "quick": {
-        "ball_collecting": Size(1, ("A", "B"), 128, 160, 4_000, 60, 200, 100, 30),
-        "box_pushing": Size(2, ("A",), 128, 40, 300, 40, 200, 200, 20),
+        "ball_collecting": Size(1, ("A", "B"), 128, 150, 4_000, 500, 800, 200, 25),
+        "box_pushing": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 10),
     },
     # A night on a desktop.
     "standard": {
