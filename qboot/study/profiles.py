@@ -34,7 +34,7 @@ PROFILES = {
     },
     # Curves that rise, on two cores, while one has a coffee.
     "quick": {
-        "ball_collecting": Size(1, ("A", "B"), 128, 150, 4_000, 500, 800, 200, 25),
+        "ball_collecting": Size(1, ("A", "B"), 128, 250, 4_000, 500, 800, 200, 40),
         "box_pushing": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 10),
     },
     # A night on a desktop.
