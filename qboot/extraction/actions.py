@@ -133,12 +133,12 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
     Raises:
         ValueError: if there are fewer segments than actions.
     """
-    if len(segments.durations) < settings.n_actions:
+    features = _features(cut_segments(segments, settings.max_duration))
+    if len(features) < settings.n_actions:
         raise ValueError(
-            f"{settings.n_actions} actions need at least as many segments, got {len(segments.durations)}: "
+            f"{settings.n_actions} actions need at least as many segments, got {len(features)}: "
             "use more or longer traces, or fewer actions."
         )
-    features = _features(cut_segments(segments, settings.max_duration))
     scaling = fit_scaling(features, settings.scale, settings.duration_unit)
     found = cluster(
         scaling.apply(features),
