@@ -175,7 +175,7 @@ def test_coinciding_actions_are_kept_and_reported():
 def test_actions_need_enough_segments():
     segments, _ = prototypes(5, 0)
     with pytest.raises(ValueError, match="17 actions need at least as many segments, got 5"):
-        cluster_actions(segments, ActionSettings(), seed=0)
+        cluster_actions(segments, ActionSettings(max_duration=1000), seed=0)
 
 
 @pytest.mark.parametrize(
