@@ -82,10 +82,8 @@ def controllers(name: str, physics: str, batch: int) -> dict:
     topology = Topology(feed_forward=task.feed_forward)
     domains = task.source_domains("A")
 
-    @jax.jit
-    def run(genomes, keys):
-        return evaluation.evaluate(task, topology, RECORDERS["hamming"], genomes, domains, keys)
-
+    parts = task, topology, RECORDERS["hamming"], domains
+    run = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
     arguments = random_genomes(batch, topology), jax.random.split(jax.random.key(1), batch)
     compile_seconds, seconds = timed(run, *arguments)
     steps = int(run(*arguments).steps.sum())

@@ -19,6 +19,10 @@ A run is a folder. The stages read and write it in turn, skip what is done and r
   qboot transfer --out runs/A-0
   qboot replay   --out runs/A-0
 
+The control experiments on finished runs (section VII), many learners in one program:
+
+  qboot ablate   --task box_pushing --what actions sensors n_actions --profile quick --out results/quick
+
 A whole study, several runs spread over the cores, and its report:
 
   qboot reproduce --profile quick --out results/quick
@@ -77,6 +81,16 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--seed", type=int, help="seed of everything random, default 0")
         sub.add_argument("--out", type=Path, help="run folder; default results/PROFILE/TASK/SOURCE-SEED")
         sub.add_argument("--workers", type=int, default=1, help="threads; they do not change results")
+    sub = command(
+        "ablate", "control experiments on a study's runs: actions, sensors, number of actions", _ablate
+    )
+    sub.add_argument("--task", required=True, help="ball_collecting or box_pushing")
+    sub.add_argument("--what", nargs="+", metavar="WHAT", help="actions, sensors, n_actions; default all of them")
+    sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper: how large")
+    sub.add_argument("--runs", type=int, help="learners per condition; default as the profile says")
+    sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
+    sub.add_argument("--lanes", type=int, help="learners side by side in a program; default as the profile says")
+    sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
     sub = command("replay", "an HTML page that plays the best network and the Q-policy of a run", _replay)
     sub.add_argument("--out", type=Path, required=True, help="run folder")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
@@ -134,6 +148,20 @@ def _show_help(options: argparse.Namespace) -> None:
     print("\nEvery setting of a run can be changed when it is begun; these are the defaults:\n")
     options.task = options.task or "ball_collecting"
     _settings(options, ["--help"])
+
+
+def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study import ablations, profiles, sweep
+
+    if options.workers < 1:
+        raise ValueError(f"--workers is {options.workers}: at least 1 thread is needed")
+    study = options.out or Path("results") / options.profile
+    for what in options.what or ablations.WHATS:
+        size = profiles.sweep_of(options.task, what, options.profile)
+        n_runs = size.runs if options.runs is None else options.runs
+        lanes = profiles.LANES if options.lanes is None else options.lanes
+        cells = ablations.begin(study, options.task, what, options.profile, n_runs, size.episodes, lanes)
+        sweep.learn_cells(cells, options.workers)
 
 
 def _replay(options: argparse.Namespace, rest: list[str]) -> None:

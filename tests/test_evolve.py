@@ -97,8 +97,8 @@ def test_records_are_those_of_the_whole_flow(name):
     genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), 4), Topology())
     keys = jax.random.split(jax.random.key(4), 4)
     domains = task.source_domains("A")
-    result = evaluation.evaluate(task, Topology(), RECORDERS[name], genomes, domains, keys)
-    flow = evaluation.evaluate(task, Topology(), FLOW, genomes, domains, keys)
+    result = evaluation.evaluate(task, Topology(), RECORDERS[name], domains, genomes, keys)
+    flow = evaluation.evaluate(task, Topology(), FLOW, domains, genomes, keys)
     observations, commands = flow.descriptions
     channels = np.concatenate([observations, commands], axis=-1)
     lived = np.arange(600) < np.asarray(flow.steps)[..., None]
@@ -126,7 +126,7 @@ def test_blocks_do_not_change_results():
     )
     keys = jax.random.split(jax.random.key(1), 7)
     function = jax.jit(
-        lambda g, k: evaluation.evaluate(TASK, Topology(), RECORDERS["hamming"], g, TASK.source_domains("A"), k)
+        lambda g, k: evaluation.evaluate(TASK, Topology(), RECORDERS["hamming"], TASK.source_domains("A"), g, k)
     )
     assert_same(
         evaluation.in_blocks(function, 1, genomes, keys, block=3),
@@ -140,7 +140,7 @@ def test_the_evaluation_loop_is_one_kernel():
     keys = jax.random.split(jax.random.key(1), 4)
     for recorder in RECORDERS.values():
         function = jax.jit(
-            lambda g, k, r=recorder: evaluation.evaluate(TASK, Topology(), r, g, TASK.source_domains("A"), k)
+            lambda g, k, r=recorder: evaluation.evaluate(TASK, Topology(), r, TASK.source_domains("A"), g, k)
         )
         assert "xla_cpu_small_call" in function.lower(genomes, keys).compile().as_text()
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import TINY, tiny_settings
 
-from qboot.study import files, runs, stages
+from qboot.study import files, learning, runs, stages
 from qboot.study.files import RunError
 from qboot.study.stages import STAGES
 
@@ -61,8 +61,8 @@ def test_finished_stages_are_skipped(tiny_run):
 
 def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch):
     """Every stage is killed in its middle, just after a save, and started again."""
-    monkeypatch.setattr(stages, "SECONDS_BETWEEN_SAVES", 0.0)
-    monkeypatch.setattr(stages, "EPISODES_PER_CALL", 1)
+    monkeypatch.setattr(learning, "SECONDS_BETWEEN_SAVES", 0.0)
+    monkeypatch.setattr(learning, "EPISODES_PER_CALL", 1)
     run = runs.create(tmp_path / "A-0", tiny_run.settings)
     kills = 0
     for stage in STAGES.values():

@@ -1,7 +1,8 @@
-"""Action sets that nothing was learned for: designed by hand, or drawn at random (paper, section VII-A)."""
+"""Actions and sensors that nothing was learned for: designed by hand, or drawn at random (section VII)."""
 
 import numpy as np
 
+from qboot.envs import TASKS
 from qboot.extraction.actions import ActionSet
 
 # Durations of random actions: shortest and longest, in steps.
@@ -64,6 +65,55 @@ def human_actions_box_pushing(duration: int = 9) -> ActionSet:
 
 
 HUMAN_ACTIONS = {"ball_collecting": human_actions_ball_collecting, "box_pushing": human_actions_box_pushing}
+
+
+# Sensors that an expert would have remembered, by lag; 1 is now.
+_BALL_SEEN = (
+    "laser_front_right", "laser_front_left", "laser_front",
+    "ball_right", "ball_left", "basket_right", "basket_left", "switch_right", "switch_left",
+)  # fmt: skip
+_HAND_SEEN = ("hand_x", "hand_y", "hand_z", "hand_x_from_block", "hand_y_from_block")
+HUMAN_SENSORS = {
+    "ball_collecting": {1: TASKS["ball_collecting"].sensors, 2: _BALL_SEEN, 3: _BALL_SEEN},
+    "box_pushing": {1: TASKS["box_pushing"].sensors, 2: _HAND_SEEN},
+}
+"""The sensors that stand for the paper's human-chosen ones, which it does not list: all sensors as they are now; of
+the robot also what it saw one and two decisions ago (to get round a wall, or back to a ball that has left its view);
+of the arm also where the hand was (so that it knows where it is going)."""
+
+
+def human_sensors(task: str) -> np.ndarray:
+    """HUMAN_SENSORS of a task as a selection (lags, S) bool."""
+    sensors, chosen = TASKS[task].sensors, HUMAN_SENSORS[task]
+    return np.array([[name in chosen[lag] for name in sensors] for lag in sorted(chosen)])
+
+
+def random_sensors(seed: int, lags: int, n_sensors: int, n_inputs: int | None = None) -> np.ndarray:
+    """Draw inputs among `n_sensors` sensors at `lags` lags, all equally likely (paper, section VII-B).
+
+    Args:
+        seed: decides which, and how many.
+        lags: L, >= 1.
+        n_sensors: S, >= 1.
+        n_inputs: how many, 1 to L S; None draws their number uniformly from that range.
+
+    Returns:
+        A selection (L, S) bool.
+
+    Raises:
+        ValueError: when an argument lies outside the range given above.
+    """
+    total = lags * n_sensors
+    if lags < 1 or n_sensors < 1:
+        raise ValueError(f"lags and n_sensors must be at least 1, got {lags} and {n_sensors}.")
+    if n_inputs is not None and not 1 <= n_inputs <= total:
+        raise ValueError(f"n_inputs must lie between 1 and {total}, got {n_inputs}.")
+    random = np.random.default_rng(seed)
+    if n_inputs is None:
+        n_inputs = int(random.integers(1, total, endpoint=True))
+    selection = np.zeros(total, bool)
+    selection[random.choice(total, n_inputs, replace=False)] = True
+    return selection.reshape(lags, n_sensors)
 
 
 def _constant(levels: np.ndarray, duration: int) -> ActionSet:

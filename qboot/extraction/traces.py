@@ -23,7 +23,7 @@ class Trace(NamedTuple):
 def traces(
     problem: Problem, lineage: Individuals, progress: Callable[[int], None] = lambda done: None
 ) -> tuple[list[Trace], np.ndarray]:
-    """Run every policy of a lineage again, under the conditions it was evaluated in.
+    """Run every policy of a lineage again, from the starts that it was evaluated with at its birth.
 
     Args:
         problem: of the evolutionary run.
@@ -36,8 +36,8 @@ def traces(
     found, scores = [], []
     for start in range(0, len(lineage.ids), evaluation.BLOCK):
         some = lineage.take(slice(start, start + evaluation.BLOCK))
-        keys = evolve.evaluation_keys(problem, some.ids)
-        function = partial(_flow, problem.task, problem.topology, problem.domains)
+        keys = evolve.evaluation_keys(problem, some, some.births)
+        function = partial(evaluation.evaluate, problem.task, problem.topology, FLOW, problem.domains)
         flow = evaluation.in_blocks(function, 1, some.genomes, keys)
         observations, commands = flow.descriptions
         for policy, steps in enumerate(flow.steps):
@@ -47,8 +47,3 @@ def traces(
         scores.append(flow.scores.sum(axis=1))
         progress(start + len(some.ids))
     return found, np.concatenate(scores)
-
-
-@partial(jax.jit, static_argnums=(0, 1))
-def _flow(task, topology, domains, genomes, keys):
-    return evaluation.evaluate(task, topology, FLOW, genomes, domains, keys)

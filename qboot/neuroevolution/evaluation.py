@@ -116,7 +116,7 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
             lanes.domains, lanes.records, moments
         )
         after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
-        after = jax.tree.map(lambda new, old: jnp.where(_expand(alive, new), new, old), after, lanes.states)
+        after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, lanes.states)
         rewards = lanes.rewards + jnp.where(alive, after.reward, 0.0)
         return Lanes(lanes.domains, lanes.networks, after, activities, rewards, lanes.steps + alive, records), None
 
@@ -128,8 +128,9 @@ def _goes_on(task: Task, states: TaskState) -> jax.Array:
     return ~states.done & ~jax.vmap(task.is_idle)(states)
 
 
+@partial(jax.jit, static_argnames=("task", "topology", "recorder"))
 def evaluate(
-    task: Task, topology: Topology, recorder: Recorder, genomes: Genome, domains: Domain, keys: jax.Array
+    task: Task, topology: Topology, recorder: Recorder, domains: Domain, genomes: Genome, keys: jax.Array
 ) -> Evaluation:
     """Evaluate B genomes, one episode each; `keys` (B,) decide the starts."""
     tests, n_tests = tests_of(task, domains)
@@ -167,5 +168,6 @@ def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *results)
 
 
-def _expand(mask: jax.Array, like: jax.Array) -> jax.Array:
+def expand(mask: jax.Array, like: jax.Array) -> jax.Array:
+    """A mask (n,) with as many axes as `like` (n, ...), to choose between two such arrays."""
     return mask.reshape(mask.shape + (1,) * (like.ndim - mask.ndim))

@@ -37,6 +37,9 @@ class EvolutionSettings:
     horizon: int = 500
     """H: ancestors kept in the lineage of the best-of-run, itself included."""
     rates: MutationRates = field(default_factory=MutationRates)
+    reevaluate: bool = False
+    """Evaluate survivors again in every generation, all on the same starts as the newborn. For tasks that start at
+    random: an individual that was lucky once does not stay for its luck. It doubles the episodes."""
 
     def __post_init__(self):
         """Reject sizes that make no population."""
@@ -82,7 +85,7 @@ class EvolveInfo(NamedTuple):
     median: float
     mean: float
     diversity: str  # distance in force
-    lived: float  # share of max_steps that the newborn lived on average
+    lived: float  # share of max_steps that those evaluated lived on average
     connections: float  # mean of the population
     hidden: float  # mean of the population
     refused: int  # mutations refused for want of room
@@ -110,8 +113,9 @@ def init(problem: Problem, ancestors_front: Genome | None = None) -> tuple[Evolv
         front = jax.tree.map(lambda leaf: np.asarray(leaf)[ids % len(leaf)], ancestors_front)
         mutants, _ = jax.device_get(_mutants(keys, front, problem.topology, problem.settings.rates))
         is_front = ids < len(ancestors_front.weights)
-        genomes = jax.tree.map(lambda a, b: np.where(_column(is_front, a), a, b), front, mutants)
-    newborn, behaviours, lived = _evaluated(problem, genomes, ids, np.full(n, NO_PARENT), 0)
+        genomes = jax.tree.map(lambda a, b: np.where(evaluation.expand(is_front, a), a, b), front, mutants)
+    newborn = _unborn(genomes, ids, np.full(n, NO_PARENT), 0)
+    newborn, behaviours, lived = _evaluated(problem, newborn, 0)
     state = EvolveState(0, newborn, behaviours, np.zeros(n), np.zeros(n), newborn.take(slice(0, 0)), n)
     state = _survive(problem, state, newborn, behaviours)
     return state, _info(problem, state, lived, refused)
@@ -121,25 +125,39 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
     """One generation: parents by tournament, mutated children, survivors of both."""
     n = problem.settings.population
     generation = state.generation + 1
-    if diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation):
-        state = state._replace(behaviours=describe(problem, state.population, generation))
     ids = state.next_id + np.arange(n)
     chosen = jax.device_get(_tournament(_key(problem, "tournament", generation), state.ranks, state.crowding, n))
     parents = state.population.take(chosen)
     genomes, refused = jax.device_get(
         _mutants(_keys(problem, "mutation", ids), parents.genomes, problem.topology, problem.settings.rates)
     )
-    children, behaviours, lived = _evaluated(problem, genomes, ids, parents.ids, generation)
-    everyone = Individuals.concatenate(state.population, children)
-    behaviours = np.concatenate([state.behaviours, behaviours])
+    children = _unborn(genomes, ids, parents.ids, generation)
+    if problem.settings.reevaluate:
+        everyone = Individuals.concatenate(state.population, children)
+        everyone, behaviours, lived = _evaluated(problem, everyone, generation)
+    else:
+        if diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation):
+            state = state._replace(behaviours=describe(problem, state.population, generation))
+        children, behaviours, lived = _evaluated(problem, children, generation)
+        everyone = Individuals.concatenate(state.population, children)
+        behaviours = np.concatenate([state.behaviours, behaviours])
     state = state._replace(generation=generation, next_id=state.next_id + n)
     state = _survive(problem, state, everyone, behaviours)
     return state, _info(problem, state, lived, int(refused.sum()))
 
 
 def describe(problem: Problem, individuals: Individuals, generation: int) -> np.ndarray:
-    """Behaviours of individuals for the distance in force in `generation`, by running them again, to the bit."""
-    return _evaluate(problem, individuals.genomes, individuals.ids, generation).descriptions
+    """Behaviours of individuals as `generation` sees them, by running them again, to the bit."""
+    return _evaluate(problem, individuals, generation).descriptions
+
+
+def evaluation_keys(problem: Problem, individuals: Individuals, generation: int | np.ndarray) -> jax.Array:
+    """The random keys (B,) that individuals are evaluated with in `generation`, or (B,) in the generation of each.
+
+    Starts depend on the individual alone, or, when all are evaluated again, on the generation alone.
+    """
+    numbers = generation if problem.settings.reevaluate else individuals.ids
+    return _keys(problem, "evaluation", np.broadcast_to(numbers, individuals.ids.shape))
 
 
 def pareto_front(state: EvolveState) -> Individuals:
@@ -166,27 +184,21 @@ def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behavi
     )
 
 
-def _evaluated(problem, genomes, ids, parents, generation) -> tuple[Individuals, np.ndarray, float]:
-    result = _evaluate(problem, genomes, ids, generation)
-    individuals = Individuals(genomes, ids, parents, np.full(len(ids), generation, np.int32), result.scores.sum(axis=1))
-    return individuals, result.descriptions, float(result.steps.mean() / problem.task.max_steps)
+def _unborn(genomes: Genome, ids: np.ndarray, parents: np.ndarray, generation: int) -> Individuals:
+    """Individuals that nothing is known of yet."""
+    return Individuals(genomes, ids, parents, np.full(len(ids), generation, np.int32), np.zeros(len(ids), np.float32))
 
 
-def _evaluate(problem: Problem, genomes: Genome, ids: np.ndarray, generation: int) -> evaluation.Evaluation:
-    """Evaluate with starts that depend on the individual alone, so that it can be done again."""
-    behaviour = diversity_in_force(problem, generation)
-    function = partial(_compiled, problem.task, problem.topology, behaviour, problem.domains)
-    return evaluation.in_blocks(function, problem.workers, genomes, evaluation_keys(problem, ids))
+def _evaluated(problem: Problem, some: Individuals, generation: int) -> tuple[Individuals, np.ndarray, float]:
+    result = _evaluate(problem, some, generation)
+    lived = float(result.steps.mean() / problem.task.max_steps)
+    return some._replace(scores=result.scores.sum(axis=1)), result.descriptions, lived
 
 
-def evaluation_keys(problem: Problem, ids: np.ndarray) -> jax.Array:
-    """The random keys (B,) that individuals are evaluated with, whenever that is."""
-    return _keys(problem, "evaluation", ids)
-
-
-@partial(jax.jit, static_argnums=(0, 1, 2))
-def _compiled(task, topology, behaviour, domains, genomes, keys):
-    return evaluation.evaluate(task, topology, RECORDERS[behaviour], genomes, domains, keys)
+def _evaluate(problem: Problem, some: Individuals, generation: int) -> evaluation.Evaluation:
+    recorder = RECORDERS[diversity_in_force(problem, generation)]
+    function = partial(evaluation.evaluate, problem.task, problem.topology, recorder, problem.domains)
+    return evaluation.in_blocks(function, problem.workers, some.genomes, evaluation_keys(problem, some, generation))
 
 
 @partial(jax.jit, static_argnums=1)
@@ -214,15 +226,12 @@ def _keys(problem: Problem, purpose: str, ids: np.ndarray) -> jax.Array:
 _fold_in = jax.jit(jax.vmap(jax.random.fold_in, in_axes=(None, 0)))
 
 
-def _column(mask: np.ndarray, like: np.ndarray) -> np.ndarray:
-    return mask.reshape(mask.shape + (1,) * (like.ndim - mask.ndim))
-
-
 def _info(problem: Problem, state: EvolveState, lived: float, refused: int) -> EvolveInfo:
     scores = state.population.scores
+    again = state.generation * problem.settings.population if problem.settings.reevaluate else 0
     return EvolveInfo(
         generation=state.generation,
-        episodes=state.next_id,
+        episodes=state.next_id + again,
         best=float(scores.max()),
         median=float(np.median(scores)),
         mean=float(scores.mean()),

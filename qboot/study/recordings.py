@@ -1,6 +1,5 @@
 """Tests played again and recorded state by state: by the best evolved network, and by the greedy Q-policy."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -32,11 +31,12 @@ class Recording(NamedTuple):
 
 
 def evolved(run: Run) -> list[Recording]:
-    """The best-of-run network in each source domain (its first test there), as it was evaluated."""
+    """The best-of-run network in each source domain (its first test there), as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
-    keys = evolve.evaluation_keys(problem, best.ids)
-    found = jax.device_get(_played(problem.task, problem.topology, problem.domains, best.genomes, keys))
+    keys = evolve.evaluation_keys(problem, best, best.births)
+    parts = problem.task, problem.topology, STATES, problem.domains
+    found = jax.device_get(evaluation.evaluate(*parts, best.genomes, keys))
     states, finals = found.descriptions
     domains, n_tests = evaluation.tests_of(problem.task, problem.domains)
     return [
@@ -67,11 +67,6 @@ def learned(run: Run) -> list[Recording]:
 def scores(task: Task, recording: Recording) -> np.ndarray:
     """Rewards earned so far, (T + 1,), in units of the task's reward."""
     return np.cumsum(recording.states.reward) / task.reward
-
-
-@partial(jax.jit, static_argnums=(0, 1))
-def _played(task, topology, domains, genomes, keys):
-    return evaluation.evaluate(task, topology, STATES, genomes, domains, keys)
 
 
 def _joined(states: Any, final: Any, steps: int) -> Any:

@@ -98,8 +98,8 @@ def create(folder: Path, settings: RunSettings) -> Run:
     return Run(folder, settings)
 
 
-def load(folder: Path) -> Run:
-    """The run in `folder`.
+def load(folder: Path, kind: type = RunSettings) -> Run:
+    """The run in `folder`, whose settings are of a `kind` of dataclass.
 
     Raises:
         RunError: if there is none, or one of another version.
@@ -109,7 +109,7 @@ def load(folder: Path) -> Run:
         raise RunError(
             f"{folder} is no run folder (it has no config.json): start one with `qboot evolve --out {folder}`"
         )
-    return Run(folder, _from_plain(RunSettings, _read(config), config))
+    return Run(folder, _from_plain(kind, _read(config), config))
 
 
 def find(results: Path) -> list[Run]:

@@ -5,8 +5,7 @@ was interrupted or how many workers it had.
 """
 
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
@@ -15,9 +14,9 @@ import numpy as np
 from qboot.envs import make_task
 from qboot.envs.types import Domain, Task
 from qboot.extraction.actions import ActionSet, cluster_actions
-from qboot.extraction.segmentation import join_segments, linear_segments
+from qboot.extraction.segmentation import Segments, join_segments, linear_segments
 from qboot.extraction.sensors import majority, sensor_votes
-from qboot.extraction.traces import traces
+from qboot.extraction.traces import Trace, traces
 from qboot.neuroevolution import evaluation, evolve
 from qboot.neuroevolution.behaviour import RECORDERS
 from qboot.neuroevolution.dnn import Genome
@@ -25,16 +24,11 @@ from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
 from qboot.neuroevolution.lineage import Individuals, best_of, lineage
 from qboot.qlearning import learner, policy
 from qboot.qlearning.inputs import InputSet, input_set
-from qboot.qlearning.learner import EpisodeInfo, LearnerState
 from qboot.qlearning.networks import QNetworks
-from qboot.study import files
+from qboot.study import files, learning
 from qboot.study.files import RunError
 from qboot.study.progress import Progress
 from qboot.study.runs import Run
-
-SECONDS_BETWEEN_SAVES = 20.0
-# Episodes per compiled call; what is done of it is lost when a stage is killed.
-EPISODES_PER_CALL = 10
 
 _PURPOSES = (
     "evolution",
@@ -80,16 +74,8 @@ def extract_stage(run: Run, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     if run.file("sensors.npz").exists():
         return
-    ancestors = read_lineage(run)
-    with Progress(f"extract {run.label}", len(ancestors.ids)) as progress:
-        flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
-    if not np.array_equal(scores, ancestors.scores):
-        raise RunError(
-            f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
-            "version of qboot or on other hardware; evolve again on this one"
-        )
-    segments = join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])
-    actions, report = cluster_actions(segments, run.settings.actions, run.settings.seed)
+    flow = replayed(run, workers)
+    actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
     settings = run.settings.sensors
     votes = sensor_votes((trace.observations for trace in flow), settings.lags, settings)
@@ -150,6 +136,28 @@ STAGES: dict[str, Callable[[Run, int], None]] = {
 }
 
 
+def replayed(run: Run, workers: int) -> list[Trace]:
+    """The learning traces: the best-of-run's lineage played again.
+
+    Raises:
+        RunError: if it does not reach the scores that it was saved with.
+    """
+    ancestors = read_lineage(run)
+    with Progress(f"extract {run.label}", len(ancestors.ids)) as progress:
+        flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
+    if not np.array_equal(scores, ancestors.scores):
+        raise RunError(
+            f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
+            "version of qboot or on other hardware; evolve again on this one"
+        )
+    return flow
+
+
+def segments_of(run: Run, flow: list[Trace]) -> Segments:
+    """All linear segments of the traces' commands."""
+    return join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])
+
+
 def read_individuals(run: Run, name: str) -> Individuals:
     """Individuals saved by a stage."""
     return files.from_arrays(files.read_npz(run.file(name)), INDIVIDUALS, run.file(name))
@@ -166,9 +174,14 @@ def read_actions(run: Run) -> ActionSet:
     return files.from_arrays(files.read_npz(run.file("actions.npz")), template, run.file("actions.npz"))
 
 
+def read_selection(run: Run) -> np.ndarray:
+    """The selected sensors, (lags, S) bool."""
+    return files.read_npz(run.file("sensors.npz"))["selected"]
+
+
 def read_inputs(run: Run) -> InputSet:
     """The selected sensors as inputs of the Q-networks."""
-    return input_set(files.read_npz(run.file("sensors.npz"))["selected"])
+    return input_set(read_selection(run))
 
 
 def read_networks(run: Run) -> QNetworks:
@@ -186,8 +199,8 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))
-    function = partial(_scores, task, run.settings.topology)
-    tests = np.asarray(function(domains, best.genomes, key[None]))[0]
+    evaluated = evaluation.evaluate(task, run.settings.topology, RECORDERS["adhoc"], domains, best.genomes, key[None])
+    tests = np.asarray(evaluated.scores)[0]
     evolved = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
     learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
     return {
@@ -195,11 +208,6 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
         "domain": [*range(len(evolved)), *range(len(evolved))],
         "score": [*map(float, evolved), *map(float, learned)],
     }
-
-
-@partial(jax.jit, static_argnums=(0, 1))
-def _scores(task, topology, domains, genomes, keys):
-    return evaluation.evaluate(task, topology, RECORDERS["adhoc"], genomes, domains, keys).scores
 
 
 def _evolved(
@@ -220,7 +228,7 @@ def _evolved(
             for field, value in info._asdict().items():
                 history[field].append(value)
             progress.update(state.generation, best=info.best, median=info.median, of=top)
-            if time.monotonic() > saved + SECONDS_BETWEEN_SAVES or state.generation == generations:
+            if time.monotonic() > saved + learning.SECONDS_BETWEEN_SAVES or state.generation == generations:
                 _save_evolution(state, history, checkpoint)
                 saved = time.monotonic()
     files.write_csv(run.file(history_name), history)
@@ -255,50 +263,18 @@ def _learned(
     task, settings = task_of(run), run.settings.learner
     actions, inputs = read_actions(run), read_inputs(run)
     state = learner.init(key_of(run, purpose), task, domains, actions, inputs, settings, networks=networks)
-    history: dict[str, list] = {column: [] for column in _episode_columns(None, 0)}
     checkpoint = run.file(f"{name}.checkpoint.npz")
-    if checkpoint.exists():
-        arrays = files.read_npz(checkpoint)
-        history = {column: arrays[f"history.{column}"].tolist() for column in history}
-        state = files.from_arrays(arrays, state, checkpoint)
+    progressing = learning.begin(state, checkpoint)
+    done = int(progressing.state.episode)
     saved = time.monotonic()
-    with Progress(f"{name} {run.label}", n_episodes, int(state.episode)) as progress:
-        for size in _call_sizes(int(state.episode), n_episodes):
-            first = int(state.episode)
-            state, info = learner.learn(state, task, domains, actions, inputs, settings, size)
-            for column, values in _episode_columns(jax.device_get(info), first).items():
-                history[column] += values
-            recent = history["score"][-size:]
-            progress.update(int(state.episode), best=max(history["score"]), recent=float(np.mean(recent)))
-            if time.monotonic() > saved + SECONDS_BETWEEN_SAVES:
-                _save_learner(state, history, checkpoint)
+    with Progress(f"{name} {run.label}", n_episodes, done) as progress:
+        for size in learning.call_sizes(done, n_episodes):
+            state, info = learner.learn(progressing.state, task, domains, actions, inputs, settings, size)
+            progressing = learning.after(progressing, state, info)
+            scores = progressing.history["score"]
+            progress.update(len(scores), best=max(scores), recent=float(np.mean(scores[-size:])))
+            if time.monotonic() > saved + learning.SECONDS_BETWEEN_SAVES:
+                learning.save(progressing, checkpoint)
                 saved = time.monotonic()
-    files.write_csv(run.file(history_name), history)
-    return state.networks
-
-
-def _save_learner(state: LearnerState, history: dict[str, list], checkpoint: Path) -> None:
-    columns = {f"history.{name}": np.array(values) for name, values in history.items()}
-    files.write_npz(checkpoint, files.to_arrays(state) | columns)
-
-
-def _call_sizes(done: int, n_episodes: int) -> Iterator[int]:
-    """Sizes of the calls that are left; they start at multiples of the usual size, so few sizes are compiled."""
-    while done < n_episodes:
-        size = min(EPISODES_PER_CALL, n_episodes - done)
-        yield size
-        done += size
-
-
-def _episode_columns(info: EpisodeInfo | None, first: int) -> dict[str, list]:
-    """Rows of qlearning.csv: scores summed over the domains."""
-    names = ("episode", "score", "discounted_return", "steps", "decisions", "td_error", "largest_q")
-    if info is None:
-        return {name: [] for name in names}
-    sums = {name: getattr(info, name).sum(axis=1).tolist() for name in names[1:5]}
-    return {
-        "episode": list(range(first + 1, first + 1 + len(info.td_error))),
-        **sums,
-        "td_error": info.td_error.tolist(),
-        "largest_q": info.largest_q.tolist(),
-    }
+    files.write_csv(run.file(history_name), progressing.history)
+    return progressing.state.networks
