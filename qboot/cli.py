@@ -81,9 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--seed", type=int, help="seed of everything random, default 0")
         sub.add_argument("--out", type=Path, help="run folder; default results/PROFILE/TASK/SOURCE-SEED")
         sub.add_argument("--workers", type=int, default=1, help="threads; they do not change results")
-    sub = command(
-        "ablate", "control experiments on a study's runs: actions, sensors, number of actions", _ablate
-    )
+    sub = command("ablate", "control experiments on a study's runs: actions, sensors, number of actions", _ablate)
     sub.add_argument("--task", required=True, help="ball_collecting or box_pushing")
     sub.add_argument("--what", nargs="+", metavar="WHAT", help="actions, sensors, n_actions; default all of them")
     sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper: how large")

@@ -101,8 +101,10 @@ def test_training_is_gradient_descent_on_one_network():
 
 def test_inputs_are_read_from_the_history():
     inputs = input_set(np.array([[True, False, True], [False, True, False]]), n_inputs=5)
-    history = jnp.array([[1.0, 2, 3], [4, 5, 6]])
-    np.testing.assert_array_equal(read_inputs(inputs, history), [1, 3, 5, 0, 0])
+    history = jnp.array([[0.0, 0.25, 0.5], [0.75, 1.0, 0.5]])
+    np.testing.assert_array_equal(read_inputs(inputs, history, SETTINGS), [0, 0.5, 1, 0, 0])
+    stretched = replace(SETTINGS, input_range=(-3.0, 1.0))
+    np.testing.assert_array_equal(read_inputs(inputs, history, stretched), [-3, -1, 1, 0, 0])
 
 
 @pytest.mark.parametrize(("history", "before"), [("steps", 2), ("decisions", 0)])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from qboot.envs import TASKS
+from qboot.envs import TASKS, arm
 from qboot.extraction.actions import ActionSet
 
 # Durations of random actions: shortest and longest, in steps.
@@ -51,17 +51,21 @@ def human_actions_ball_collecting(duration: int = 15) -> ActionSet:
     return _constant(np.vstack([moving, [0.5, 0.5, 0.0]]), duration)
 
 
-def human_actions_box_pushing(duration: int = 9) -> ActionSet:
-    """Stand still, or move at full speed along one of three axes, either way: seven actions.
+def human_actions_box_pushing(duration: int = 9, distance: float = 0.04) -> ActionSet:
+    """Stand still, or move by a fixed distance along one of three axes, either way: seven actions.
 
     Args:
         duration: of each action, in steps, >= 1.
+        distance: of each move, in metres; 4 cm is the width of the window in which a push counts as centred.
 
     Raises:
-        ValueError: if `duration` is less than 1.
+        ValueError: if `duration` is less than 1, or too short for the distance at full speed.
     """
-    along = np.vstack([np.eye(3), -np.eye(3)])
-    return _constant(0.5 + 0.5 * np.vstack([np.zeros(3), along]), duration)
+    if not 0 < distance <= duration * arm.LONGEST_STEP.min():
+        farthest = duration * arm.LONGEST_STEP.min()
+        raise ValueError(f"distance must lie above 0 and up to {farthest:.3g} m in {duration} steps, got {distance}.")
+    along = np.diag(distance / duration / arm.STEP_PER_COMMAND)
+    return _constant(0.5 + np.vstack([np.zeros(3), along, -along]), duration)
 
 
 HUMAN_ACTIONS = {"ball_collecting": human_actions_ball_collecting, "box_pushing": human_actions_box_pushing}

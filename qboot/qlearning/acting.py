@@ -75,7 +75,7 @@ def run_test(
         active = is_ongoing(task, acting.situation)
         action = choose(jax.random.fold_in(action_key, acting.decision), acting.values, usable, exploration)
         situation, earned, rewards = execute(task, domain, actions, action, acting.situation, settings)
-        next_inputs = read_inputs(inputs, situation.history)
+        next_inputs = read_inputs(inputs, situation.history, settings)
         terminal = ~is_ongoing(task, situation)
         transition = Transition(acting.inputs, action, earned, next_inputs, terminal)
         networks, values, error = learn_from(acting.networks, transition, usable, settings.alpha, active)
@@ -102,7 +102,7 @@ def run_test(
         return anywhere(is_ongoing(task, acting.situation)) & (acting.decision < capacity)
 
     situation = start_test(reset_key, task, domain, settings)
-    first_inputs = read_inputs(inputs, situation.history)
+    first_inputs = read_inputs(inputs, situation.history, settings)
     trajectory = replay.empty_trajectory(capacity, first_inputs.size)
     zero = jnp.float32(0)
     acting = Acting(

@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from qboot.qlearning.settings import LearnerSettings
+
 
 class InputSet(NamedTuple):
     """Inputs of the Q-networks: input i is the sensor `sensors[i]` as it was `lags[i] - 1` observations ago.
@@ -48,6 +50,8 @@ def remember(history: jax.Array, observation: jax.Array) -> jax.Array:
     return jnp.concatenate([observation[None], history[:-1]])
 
 
-def read_inputs(inputs: InputSet, history: jax.Array) -> jax.Array:
-    """Return the inputs (I,) of the Q-networks given the history (lags, S)."""
-    return jnp.where(inputs.mask, history[inputs.lags - 1, inputs.sensors], 0.0)
+def read_inputs(inputs: InputSet, history: jax.Array, settings: LearnerSettings) -> jax.Array:
+    """Return the inputs (I,) of the Q-networks, within `settings.input_range`, given the history (lags, S)."""
+    low, high = settings.input_range
+    sensors = history[inputs.lags - 1, inputs.sensors]
+    return jnp.where(inputs.mask, low + (high - low) * sensors, 0.0)

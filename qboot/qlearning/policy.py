@@ -25,9 +25,11 @@ class Rollout(NamedTuple):
     final: Any  # the task's state at the end
 
 
-def greedy_action(networks: QNetworks, actions: ActionSet, inputs: InputSet, history: jax.Array) -> jax.Array:
+def greedy_action(
+    networks: QNetworks, actions: ActionSet, inputs: InputSet, history: jax.Array, settings: LearnerSettings
+) -> jax.Array:
     """Return the usable action of greatest value, () int32, given the history (lags, S)."""
-    values = q_values(networks, read_inputs(inputs, history))
+    values = q_values(networks, read_inputs(inputs, history, settings))
     return jnp.argmax(jnp.where(usable_actions(actions), values, -jnp.inf))
 
 
@@ -52,7 +54,7 @@ def evaluate(
 
         def decide(carry: tuple[Situation, jax.Array]) -> tuple[Situation, jax.Array]:
             situation, total = carry
-            action = greedy_action(networks, actions, inputs, situation.history)
+            action = greedy_action(networks, actions, inputs, situation.history, settings)
             situation, _, rewards = execute(task, domain, actions, action, situation, settings)
             return situation, total + rewards
 
@@ -79,10 +81,13 @@ def rollout(
     The key is that of the test: `fold_in(key, i)` gives the i-th test of `evaluate` with `key`.
     """
 
+    def choose(situation: Situation) -> jax.Array:
+        return greedy_action(networks, actions, inputs, situation.history, settings)
+
     def step(carry: tuple[Situation, jax.Array, jax.Array], _: None) -> tuple:
         situation, action, elapsed = carry
         is_over = elapsed == actions.durations[action]
-        action = lax.cond(is_over, lambda: greedy_action(networks, actions, inputs, situation.history), lambda: action)
+        action = lax.cond(is_over, lambda: choose(situation), lambda: action)
         elapsed = jnp.where(is_over, 0, elapsed)
         command = commands(actions, action, elapsed)
         running = is_ongoing(task, situation)
@@ -96,6 +101,6 @@ def rollout(
         return (Situation(state, history, situation.step + 1), action, elapsed + 1), record
 
     situation = start_test(key, task, domain, settings)
-    first_action = greedy_action(networks, actions, inputs, situation.history)
-    (situation, _, _), record = lax.scan(step, (situation, first_action, jnp.int32(0)), length=task.max_steps)
+    start = situation, choose(situation), jnp.int32(0)
+    (situation, _, _), record = lax.scan(step, start, length=task.max_steps)
     return Rollout(*record, final=situation.state)

@@ -39,6 +39,10 @@ class LearnerSettings:
     lags: int = 12
     """Observations remembered, the current one included, >= 1: the largest lag that an input may have."""
 
+    input_range: tuple[float, float] = (0.0, 1.0)
+    """What the sensors' range [0, 1] is stretched to before the networks see it, low < high. Sensors that matter in
+    steps of a hundredth need a wide one: a network that starts with small weights hardly tells such values apart."""
+
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         for name in ("gamma", "epsilon_start", "epsilon_end", "epsilon_stepness"):
@@ -49,5 +53,7 @@ class LearnerSettings:
         for name, least in (("hidden", 1), ("lags", 1), ("eta", 0)):
             if getattr(self, name) < least:
                 raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}.")
+        if not self.input_range[0] < self.input_range[1]:
+            raise ValueError(f"input_range must be (low, high) with low < high, got {self.input_range}.")
         if self.history not in HISTORIES:
             raise ValueError(f"history must be one of {HISTORIES}, got {self.history!r}.")

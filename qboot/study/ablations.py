@@ -19,7 +19,6 @@ from qboot.extraction.segmentation import Segments
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study import files, runs, stages
 from qboot.study.files import RunError
-from qboot.study.profiles import N_ACTIONS
 from qboot.study.runs import Run
 
 # The random setup draws from 12 past time steps: 1 to 156 inputs of 13 sensors (section VII-B).
@@ -74,7 +73,8 @@ def extracted_actions(cell: CellSettings, evolved: Run) -> ActionSet:
 def random_actions(cell: CellSettings, evolved: Run) -> ActionSet:
     """As many actions as are extracted, drawn at random."""
     n_effectors = len(TASKS[cell.task].effectors)
-    return baselines.random_actions(cell.seed, N_ACTIONS[cell.task], n_effectors, baselines.RANDOM_DURATIONS[cell.task])
+    durations = baselines.RANDOM_DURATIONS[cell.task]
+    return baselines.random_actions(cell.seed, cell.actions.n_actions, n_effectors, durations)
 
 
 def clustered_actions(cell: CellSettings, evolved: Run) -> ActionSet:
