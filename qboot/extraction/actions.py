@@ -54,6 +54,9 @@ class ActionSettings:
     """Segments that last longer, in steps, are cut into equal parts before the clustering, >= 1: an action cannot be
     interrupted, and one of thousands of steps spends a whole test."""
 
+    restarts: int = 1
+    """Clusterings from different first centres, >= 1; the one with the smallest sum of distances is kept."""
+
     max_iterations: int = 300
     """Updates of the centres at most, >= 1."""
 
@@ -75,6 +78,8 @@ class ActionSettings:
                 f"durations must satisfy 1 <= min_duration <= max_duration, got {self.min_duration} and "
                 f"{self.max_duration}."
             )
+        if self.restarts < 1:
+            raise ValueError(f"restarts must be at least 1, got {self.restarts}.")
         if self.max_iterations < 1:
             raise ValueError(f"max_iterations must be at least 1, got {self.max_iterations}.")
         if not self.tolerance >= 0:
@@ -147,6 +152,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
         seed,
         max_iterations=settings.max_iterations,
         tolerance=settings.tolerance,
+        restarts=settings.restarts,
     )
     actions = _actions(scaling.undo(found.centres))
     standard = fit_scaling(features, "logstd" if settings.scale == "logstd" else "std")

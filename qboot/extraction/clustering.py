@@ -42,6 +42,7 @@ def cluster(
     *,
     max_iterations: int = 300,
     tolerance: float = 1e-4,
+    restarts: int = 1,
 ) -> Clustering:
     """Minimise sum_ij u_ij^m |x_i - c_j|^2 over centres c and memberships u, from k-means++ centres.
 
@@ -54,23 +55,27 @@ def cluster(
         max_iterations: updates of the centres at most, >= 1.
         tolerance: stop when no coordinate of a centre moves by more than this times the largest standard
             deviation of a feature, >= 0. (A norm of the change of memberships would grow with their number.)
+        restarts: how often to start, from other centres each time, >= 1; the smallest sum wins.
 
     Raises:
         ValueError: when an argument lies outside the range given above.
     """
     points = np.asarray(points, np.float64)
-    _check(points, n_clusters, m, max_iterations, tolerance)
+    _check(points, n_clusters, m, max_iterations, tolerance, restarts)
     # Single precision is enough once the data are centred and have a spread of 1.
     origin, unit = points.mean(axis=0), points.std(axis=0).max() or 1.0
     points = ((points - origin) / unit).astype(np.float32)
-    centres = jnp.asarray(_initial_centres(points, n_clusters, seed))
-    points = jnp.asarray(points)
-    for iteration in range(1, max_iterations + 1):  # noqa: B007 (the last value is a result)
-        centres, moved = _update(points, centres, m)
-        if moved <= tolerance:
-            break
-    memberships = jnp.exp(_log_memberships(points, centres, m))
-    return Clustering(np.asarray(centres, np.float64) * unit + origin, np.asarray(memberships), iteration)
+    best = np.inf
+    for start in range(restarts):
+        centres = jnp.asarray(_initial_centres(points, n_clusters, seed * restarts + start))
+        for iteration in range(1, max_iterations + 1):  # noqa: B007 (the last value is a result)
+            centres, moved = _update(points, centres, m)
+            if moved <= tolerance:
+                break
+        memberships, total = _assign(points, centres, m)
+        if total < best:
+            best, found = total, Clustering(np.asarray(centres, np.float64), np.asarray(memberships), iteration)
+    return found._replace(centres=found.centres * unit + origin)
 
 
 def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarray:
@@ -92,13 +97,21 @@ def _update(points: jax.Array, centres: jax.Array, m: float) -> tuple[jax.Array,
 
 
 @jax.jit
+def _assign(points: jax.Array, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
+    """Memberships (n, c), and the sum that is minimised."""
+    memberships = jnp.exp(_log_memberships(points, centres, m))
+    squared = jnp.square(points[:, None, :] - centres[None, :, :]).sum(axis=-1)
+    return memberships, (memberships**m * squared).sum()
+
+
+@jax.jit
 def _log_memberships(points: jax.Array, centres: jax.Array, m: float) -> jax.Array:
     """Logarithms (n, c) of u_ij = d_ij^(-2/(m-1)) / sum_k d_ik^(-2/(m-1)); the powers would overflow."""
     squared = jnp.square(points[:, None, :] - centres[None, :, :]).sum(axis=-1)
     return jax.nn.log_softmax(-jnp.log(jnp.maximum(squared, ON_CENTRE)) / (m - 1), axis=1)
 
 
-def _check(points: np.ndarray, n_clusters: int, m: float, max_iterations: int, tolerance: float) -> None:
+def _check(points: np.ndarray, n_clusters: int, m: float, max_iterations: int, tolerance: float, restarts: int) -> None:
     if points.ndim != 2 or not points.size:
         raise ValueError(f"points must have shape (points, features), both at least 1, got {points.shape}.")
     if not np.isfinite(points).all():
@@ -111,3 +124,5 @@ def _check(points: np.ndarray, n_clusters: int, m: float, max_iterations: int, t
         raise ValueError(f"max_iterations must be at least 1, got {max_iterations}.")
     if not tolerance >= 0:
         raise ValueError(f"tolerance must not be negative, got {tolerance}.")
+    if restarts < 1:
+        raise ValueError(f"restarts must be at least 1, got {restarts}.")

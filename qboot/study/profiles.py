@@ -90,7 +90,7 @@ REEVALUATE = {"ball_collecting": False, "box_pushing": True}
 ACTIONS = {
     "ball_collecting": ActionSettings(n_actions=17),
     # The hand crosses its window of success in one or two steps, so the actions that matter are short.
-    "box_pushing": ActionSettings(n_actions=7, min_duration=1, max_duration=20),
+    "box_pushing": ActionSettings(n_actions=7, min_duration=1, max_duration=20, restarts=10),
 }
 LEARNERS = {
     "ball_collecting": LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125, history="decisions"),
