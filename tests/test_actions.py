@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
+from qboot.envs import TASKS, arm
 from qboot.extraction import baselines
 from qboot.extraction.actions import SCALES, ActionSet, ActionSettings, cluster_actions, commands, fit_scaling
 from qboot.extraction.clustering import cluster, fuzzy_c_means
@@ -230,6 +231,51 @@ def test_human_actions_for_box_pushing():
     assert actions.intercepts.shape == (7, 3)
     assert actions.intercepts[0].tolist() == [0.5] * 3
     assert len(np.unique(actions.intercepts, axis=0)) == 7
-    assert (np.abs(actions.intercepts[1:] - 0.5).sum(axis=1) == 0.5).all()
+    # Each move is as far as said, by the arm's own account of a step.
+    moves = 9 * (actions.intercepts - 0.5) * arm.STEP_PER_COMMAND
+    np.testing.assert_allclose(np.linalg.norm(moves[1:], axis=1), 0.04, rtol=1e-5)
+    with pytest.raises(ValueError, match="distance"):
+        baselines.human_actions_box_pushing(1)
     with pytest.raises(ValueError, match="duration"):
-        baselines.human_actions_box_pushing(0)
+        baselines.human_actions_ball_collecting(0)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_human_sensors_are_the_present_and_some_of_the_past(task):
+    selection = baselines.human_sensors(task)
+    assert selection.shape[1] == len(TASKS[task].sensors)
+    assert selection[0].all()
+    assert 0 < selection[1:].sum() < selection[1:].size
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 12), st.integers(1, 13))
+def test_random_sensors_are_as_many_as_asked(seed, lags, n_sensors):
+    free = baselines.random_sensors(seed, lags, n_sensors)
+    assert free.shape == (lags, n_sensors) and 1 <= free.sum() <= free.size
+    for n_inputs in (1, free.size):
+        assert baselines.random_sensors(seed, lags, n_sensors, n_inputs).sum() == n_inputs
+
+
+def test_random_sensors_are_drawn_evenly():
+    numbers = [baselines.random_sensors(seed, 12, 13).sum() for seed in range(2000)]
+    assert min(numbers) <= 3 and max(numbers) >= 154
+    assert abs(np.mean(numbers) - 78.5) < 4 * np.sqrt((156**2 - 1) / 12 / 2000)
+    shares = np.mean([baselines.random_sensors(seed, 12, 13, 39) for seed in range(2000)], axis=0)
+    np.testing.assert_allclose(shares, 0.25, atol=0.05)
+    with pytest.raises(ValueError, match="between 1 and 156"):
+        baselines.random_sensors(0, 12, 13, 157)
+
+
+def test_restarts_find_a_smaller_sum():
+    """Of several starts the best is kept: the sum that is minimised, computed from its definition, is the least."""
+    points = np.random.default_rng(5).uniform(size=(300, 2))
+
+    def total(found):
+        return (found.memberships**1.3 * cdist(points, found.centres, "sqeuclidean")).sum()
+
+    singles = [total(cluster(points, 8, 1.3, seed)) for seed in range(12, 18)]
+    assert max(singles) > 1.001 * min(singles)
+    assert total(cluster(points, 8, 1.3, seed=2, restarts=6)) == pytest.approx(min(singles))
+    with pytest.raises(ValueError, match="restarts"):
+        cluster(points, 8, 1.3, seed=0, restarts=0)

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from qboot.envs import ball_collecting
+from qboot.envs import ball_collecting, box_pushing
 from qboot.neuroevolution import dnn, evaluation, evolve
 from qboot.neuroevolution.behaviour import FLOW, RECORDERS
 from qboot.neuroevolution.dnn import Topology
@@ -88,6 +88,29 @@ def test_transfer_starts_from_the_front():
     known = {weights.tobytes() for weights in front.weights}
     assert {weights.tobytes() for weights in started.population.genomes.weights} <= known
     assert len(started.population.ids) == 6
+
+
+def test_survivors_face_the_starts_of_their_generation():
+    """Re-evaluation against evaluating each generation by hand; the archive keeps the scores of birth."""
+    robot = box_pushing.task("kinematic")
+    settings = EvolutionSettings(population=6, reevaluate=True)
+    pushing = Problem(robot, robot.source_domains("A"), settings, Topology(feed_forward=True), jax.random.key(3), 1)
+    state, info = evolve.init(pushing)
+    births = dict(zip(state.archive.ids.tolist(), state.archive.scores.tolist(), strict=True))
+    assert info.episodes == 12
+    for generation in (1, 2, 3):
+        state, info = evolve.step(pushing, state)
+        assert info.episodes == 12 + 12 * generation
+        keys = evolve.evaluation_keys(pushing, state.population, generation)
+        assert len(np.unique(jax.random.key_data(keys), axis=0)) == 1
+        again = evaluation.evaluate(
+            robot, pushing.topology, RECORDERS["adhoc"], pushing.domains, state.population.genomes, keys
+        )
+        np.testing.assert_array_equal(again.scores.sum(axis=1), state.population.scores)
+        for place, identity in enumerate(state.archive.ids.tolist()):
+            if state.archive.births[place] < generation:
+                assert births[identity] == state.archive.scores[place]
+            births[identity] = float(state.archive.scores[place])
 
 
 @pytest.mark.parametrize("name", RECORDERS)

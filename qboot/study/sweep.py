@@ -88,6 +88,12 @@ def lane_of(cell: Run, shape: Shape) -> Lane:
     return Lane(task_of(cell).source_domains(cell.settings.source), padded, inputs)
 
 
+def key_of_cell(cell: Run) -> jax.Array:
+    """The random key of a cell: of its seed, and of its condition, so that conditions are independent samples."""
+    name = f"{cell.settings.what} {cell.settings.condition}"
+    return jax.random.fold_in(key_of(cell, "learning"), zlib.crc32(name.encode()))
+
+
 @partial(jax.jit, static_argnames=("task", "settings", "n_episodes"))
 def learn_lanes(states, task, lanes: Lane, settings, n_episodes: int):
     """`learner.learn` for stacked states and lanes (leading axis)."""
@@ -104,10 +110,8 @@ def _blocks(started: dict[Run, Learning], lanes: int) -> list[dict[Run, Learning
 
 
 def _begin(cell: Run, shape: Shape) -> Learning:
-    settings = cell.settings
     lane = lane_of(cell, shape)
-    key = jax.random.fold_in(key_of(cell, "learning"), zlib.crc32(f"{settings.what} {settings.condition}".encode()))
-    state = learner.init(key, task_of(cell), *lane, settings.learner, shape.capacity)
+    state = learner.init(key_of_cell(cell), task_of(cell), *lane, cell.settings.learner, shape.capacity)
     return learning.begin(state, cell.file("learn.checkpoint.npz"))
 
 
