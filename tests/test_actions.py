@@ -269,13 +269,15 @@ def test_random_sensors_are_drawn_evenly():
 
 def test_restarts_find_a_smaller_sum():
     """Of several starts the best is kept: the sum that is minimised, computed from its definition, is the least."""
-    points = np.random.default_rng(5).uniform(size=(300, 2))
+    rng = np.random.default_rng(1)
+    # Ten blobs: two first centres in one of them, and the search can end with a blob that has none.
+    points = np.concatenate([centre + 0.02 * rng.normal(size=(20, 2)) for centre in rng.uniform(size=(10, 2))])
 
     def total(found):
         return (found.memberships**1.3 * cdist(points, found.centres, "sqeuclidean")).sum()
 
-    singles = [total(cluster(points, 8, 1.3, seed)) for seed in range(12, 18)]
-    assert max(singles) > 1.001 * min(singles)
-    assert total(cluster(points, 8, 1.3, seed=2, restarts=6)) == pytest.approx(min(singles))
+    singles = [total(cluster(points, 10, 1.3, seed)) for seed in range(12, 18)]
+    assert max(singles) > 1.04 * min(singles)
+    assert total(cluster(points, 10, 1.3, seed=2, restarts=6)) == pytest.approx(min(singles))
     with pytest.raises(ValueError, match="restarts"):
         cluster(points, 8, 1.3, seed=0, restarts=0)

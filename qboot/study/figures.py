@@ -10,7 +10,15 @@ from typing import NamedTuple
 import matplotlib
 from matplotlib.figure import Figure
 
-from qboot.study import figures_behaviour, figures_extraction, figures_scores, files
+from qboot.envs import TASKS
+from qboot.study import (
+    ablations,
+    figures_ablations,
+    figures_behaviour,
+    figures_extraction,
+    figures_scores,
+    files,
+)
 from qboot.study.curves import runs_below
 from qboot.study.drawing import STYLE, Drawn
 from qboot.study.files import RunError
@@ -108,6 +116,59 @@ PLOTS = {
 }
 
 
+class AblationPlot(NamedTuple):
+    """A figure of the paper on a control experiment; both tasks have it."""
+
+    what: str  # name of the experiment (`qboot.study.ablations`)
+    title: str
+    paper: str  # what the paper's figure shows
+    draw: Callable[[dict[str, list[Run]]], Drawn]  # from the cells of one task by condition
+
+
+ABLATION_PLOTS = {
+    17: AblationPlot(
+        "actions",
+        "Extracted, human-designed and random actions",
+        "Median and quartiles over 30 runs. Ball collecting: extracted and human-designed actions perform alike, "
+        "random ones seldom learn. Box pushing: all learn soon; extracted actions need fewer steps than "
+        "human-designed ones, those fewer than random ones.",
+        figures_ablations.learning_by_actions,
+    ),
+    18: AblationPlot(
+        "sensors",
+        "Sensors for the state",
+        "Without the past (instant) ball collecting is learned worst and box pushing is not harmed; the automatic "
+        "selection and as many random inputs (random+) do not differ; box pushing gets half as many inputs as ball "
+        "collecting.",
+        figures_ablations.performance_by_sensors,
+    ),
+    19: AblationPlot(
+        "n_actions",
+        "The number of actions",
+        "The final performance does not depend on the number of actions; with more of them, box pushing is learned "
+        "slightly more slowly.",
+        figures_ablations.performance_by_n_actions,
+    ),
+}
+
+
+def draw_ablation(number: int, study: Path, task: str) -> Drawn:
+    """Draw one of ABLATION_PLOTS from a task's cells in the folder of a study.
+
+    Raises:
+        RunError: if there are none.
+    """
+    plot = ABLATION_PLOTS[number]
+    cells = ablations.find(study, task, plot.what)
+    if not cells:
+        raise RunError(
+            f"no finished cells below {study}: make them with `qboot ablate --task {task} --what {plot.what} "
+            f"--out {study}`"
+        )
+    with matplotlib.rc_context(STYLE):
+        return plot.draw(cells)
+
+
 def draw(number: int, some: list[Run]) -> Drawn:
     """Draw the paper's figure `number` from those of the runs that are of its task.
 
@@ -137,6 +198,25 @@ def command(number: int, arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         drawn = draw(number, runs_below(options.results))
+        files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
+    except RunError as error:
+        print(f"figure {number}: {error}", file=sys.stderr)
+        return 2
+    print(f"{options.out}: {drawn.shows}")
+    return 0
+
+
+def ablation_command(number: int, arguments: list[str] | None = None) -> int:
+    """Draw a figure on a control experiment from the command line; return the exit code: 0 done, 2 bad input."""
+    plot = ABLATION_PLOTS[number]
+    parser = argparse.ArgumentParser(description=f"Draw figure {number} of the paper from finished cells.")
+    parser.add_argument("results", type=Path, metavar="RESULTS_FOLDER", help="folder of a study")
+    parser.add_argument("--task", choices=list(TASKS), help="default the first that has cells")
+    parser.add_argument("--out", type=Path, default=Path(f"fig{number:02}.png"), metavar="FILE.png")
+    options = parser.parse_args(arguments)
+    with_cells = [task for task in TASKS if ablations.find(options.results, task, plot.what)]
+    try:
+        drawn = draw_ablation(number, options.results, options.task or (with_cells or list(TASKS))[0])
         files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
     except RunError as error:
         print(f"figure {number}: {error}", file=sys.stderr)

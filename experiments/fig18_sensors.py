@@ -1,0 +1,11 @@
+"""Figure 18 of the paper, sensors for the state, of one task.
+
+python experiments/fig18_sensors.py RESULTS_FOLDER [--task TASK] [--out FILE.png]
+"""
+
+import sys
+
+from qboot.study.figures import ablation_command
+
+if __name__ == "__main__":
+    sys.exit(ablation_command(18))

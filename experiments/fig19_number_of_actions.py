@@ -1,0 +1,11 @@
+"""Figure 19 of the paper, the number of actions, of one task.
+
+python experiments/fig19_number_of_actions.py RESULTS_FOLDER [--task TASK] [--out FILE.png]
+"""
+
+import sys
+
+from qboot.study.figures import ablation_command
+
+if __name__ == "__main__":
+    sys.exit(ablation_command(19))
