@@ -86,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--what", nargs="+", metavar="WHAT", help="actions, sensors, n_actions; default all of them")
     sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper: how large")
     sub.add_argument("--runs", type=int, help="learners per condition; default as the profile says")
+    sub.add_argument("--episodes", type=int, help="Q-learning episodes of each; default as the profile says")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--lanes", type=int, help="learners side by side in a program; default as the profile says")
     sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
@@ -157,8 +158,9 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
     for what in options.what or ablations.WHATS:
         size = profiles.sweep_of(options.task, what, options.profile)
         n_runs = size.runs if options.runs is None else options.runs
+        n_episodes = size.episodes if options.episodes is None else options.episodes
         lanes = profiles.LANES if options.lanes is None else options.lanes
-        cells = ablations.begin(study, options.task, what, options.profile, n_runs, size.episodes, lanes)
+        cells = ablations.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes)
         sweep.learn_cells(cells, options.workers)
 
 

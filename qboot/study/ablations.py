@@ -151,14 +151,14 @@ def begin(study: Path, task: str, what: str, profile: str, n_runs: int, n_episod
         what: the experiment.
         profile: name of the profile, to be kept with the cells.
         n_runs: cells per condition, >= 1.
-        n_episodes: of Q-learning.
+        n_episodes: of Q-learning, >= 1.
         lanes: learners side by side in a program, >= 1.
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
         RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings.
     """
-    for name, value in (("runs", n_runs), ("lanes", lanes)):
+    for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
             raise ValueError(f"{name} is {value}: at least 1 is needed")
     names = conditions(task, what)
