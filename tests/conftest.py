@@ -1,12 +1,16 @@
 """Shared fixtures: a tiny study, run once for all tests that only read it."""
 
+import shutil
+
 import pytest
 
-from qboot.study import profiles, runs
+from qboot.study import ablations, profiles, runs, sweep
 from qboot.study.profiles import Size
 from qboot.study.stages import STAGES
 
 TINY = Size(1, ("A",), 8, 3, 120, 4, 3, 2, 1)
+
+TINY_SWEEP = {"n_runs": 2, "n_episodes": 3, "lanes": 4}
 
 
 def tiny_settings(task="ball_collecting", source="A", seed=0, size=TINY):
@@ -23,3 +27,18 @@ def tiny_run(tmp_path_factory):
     for stage in STAGES.values():
         stage(run, 1)
     return run
+
+
+def begin_cells(folder, what, **changed):
+    """Cells of a control experiment that take seconds."""
+    return ablations.begin(folder, "ball_collecting", what, "tiny", **(TINY_SWEEP | changed))
+
+
+@pytest.fixture(scope="session")
+def tiny_study(tiny_run, tmp_path_factory):
+    """A study with one run of ball collecting and its cells of all experiments; not to be changed."""
+    folder = tmp_path_factory.mktemp("ablations")
+    shutil.copytree(tiny_run.folder, folder / "ball_collecting" / "A-0")
+    for what in ablations.WHATS:
+        sweep.learn_cells(begin_cells(folder, what), workers=2)
+    return folder

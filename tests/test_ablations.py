@@ -7,6 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from conftest import TINY_SWEEP, begin_cells
 
 from qboot.envs import TASKS
 from qboot.extraction import baselines
@@ -15,22 +16,6 @@ from qboot.qlearning.inputs import input_set
 from qboot.study import ablations, files, learning, runs, stages, sweep
 from qboot.study.ablations import CellSettings
 from qboot.study.files import RunError
-
-N_RUNS, N_EPISODES, LANES = 2, 3, 4
-
-
-@pytest.fixture(scope="module")
-def study(tiny_run, tmp_path_factory):
-    """A study with one run and its cells of all experiments; not to be changed."""
-    folder = tmp_path_factory.mktemp("ablations")
-    shutil.copytree(tiny_run.folder, folder / "ball_collecting" / "A-0")
-    for what in ablations.WHATS:
-        sweep.learn_cells(begin(folder, what), workers=2)
-    return folder
-
-
-def begin(folder, what, n_runs=N_RUNS, lanes=LANES):
-    return ablations.begin(folder, "ball_collecting", what, "tiny", n_runs, N_EPISODES, lanes)
 
 
 def digests(folder):
@@ -41,16 +26,16 @@ def digests(folder):
     }
 
 
-def cells_of(study, what):
-    return {name: cells[0] for name, cells in ablations.find(study, "ball_collecting", what).items()}
+def cells_of(tiny_study, what):
+    return {name: cells[0] for name, cells in ablations.find(tiny_study, "ball_collecting", what).items()}
 
 
-def test_every_condition_has_its_cells(study):
+def test_every_condition_has_its_cells(tiny_study):
     for what in ablations.WHATS:
-        found = ablations.find(study, "ball_collecting", what)
+        found = ablations.find(tiny_study, "ball_collecting", what)
         assert list(found) == list(ablations.conditions("ball_collecting", what))
         for condition, cells in found.items():
-            assert [cell.settings.seed for cell in cells] == list(range(N_RUNS))
+            assert [cell.settings.seed for cell in cells] == list(range(TINY_SWEEP["n_runs"]))
             for cell in cells:
                 names = {path.name for path in cell.folder.iterdir()}
                 assert names == {"config.json", "actions.npz", "sensors.npz", "qlearning.csv"}
@@ -58,8 +43,8 @@ def test_every_condition_has_its_cells(study):
                 assert files.read_csv(cell.file("qlearning.csv"))["episode"] == ["1", "2", "3"]
 
 
-def test_only_the_actions_differ_in_the_first_experiment(study, tiny_run):
-    cells = cells_of(study, "actions")
+def test_only_the_actions_differ_in_the_first_experiment(tiny_study, tiny_run):
+    cells = cells_of(tiny_study, "actions")
     chosen = baselines.human_sensors("ball_collecting")
     for cell in cells.values():
         np.testing.assert_array_equal(stages.read_selection(cell), chosen)
@@ -68,12 +53,12 @@ def test_only_the_actions_differ_in_the_first_experiment(study, tiny_run):
     np.testing.assert_array_equal(extracted.intercepts, stages.read_actions(tiny_run).intercepts)
     assert (human.durations == 15).all()
     assert random.durations.min() >= 5 and random.durations.max() <= 25
-    others = ablations.find(study, "ball_collecting", "actions")["random"]
+    others = ablations.find(tiny_study, "ball_collecting", "actions")["random"]
     assert (stages.read_actions(others[1]).intercepts != random.intercepts).any()
 
 
-def test_only_the_sensors_differ_in_the_second_experiment(study, tiny_run):
-    cells = cells_of(study, "sensors")
+def test_only_the_sensors_differ_in_the_second_experiment(tiny_study, tiny_run):
+    cells = cells_of(tiny_study, "sensors")
     numbers = {name: int(stages.read_selection(cell).sum()) for name, cell in cells.items()}
     assert numbers["instant"] == 13
     assert numbers["human"] == baselines.human_sensors("ball_collecting").sum()
@@ -83,49 +68,49 @@ def test_only_the_sensors_differ_in_the_second_experiment(study, tiny_run):
         assert (stages.read_actions(cell).durations == 15).all()
 
 
-def test_the_third_experiment_has_its_numbers_of_actions(study, tiny_run):
-    for name, cell in cells_of(study, "n_actions").items():
+def test_the_third_experiment_has_its_numbers_of_actions(tiny_study, tiny_run):
+    for name, cell in cells_of(tiny_study, "n_actions").items():
         assert len(stages.read_actions(cell).durations) == int(name) == cell.settings.actions.n_actions
-    same = stages.read_actions(cells_of(study, "n_actions")["17"])
+    same = stages.read_actions(cells_of(tiny_study, "n_actions")["17"])
     np.testing.assert_array_equal(same.slopes, stages.read_actions(tiny_run).slopes)
 
 
-def test_a_cell_in_a_program_is_one_on_its_own(study):
+def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
     """Padded and side by side, or alone in its own shape: the same episodes, but for rounding."""
-    cells = [cell for some in ablations.find(study, "ball_collecting", "n_actions").values() for cell in some]
+    cells = [cell for some in ablations.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
     shape = sweep.shape_of(cells)
     for cell in cells[::3]:
         task = stages.task_of(cell)
         parts = task.source_domains("A"), stages.read_actions(cell), input_set(stages.read_selection(cell))
         state = learner.init(sweep.key_of_cell(cell), task, *parts, cell.settings.learner, shape.capacity)
-        _, info = learner.learn(state, task, *parts, cell.settings.learner, N_EPISODES)
+        _, info = learner.learn(state, task, *parts, cell.settings.learner, TINY_SWEEP["n_episodes"])
         alone = learning.after(learning.begin(state, cell.file("none")), state, info).history
         together = files.read_csv(cell.file("qlearning.csv"))
         for name in learning.COLUMNS:
             np.testing.assert_allclose(alone[name], np.array(together[name], float), rtol=1e-4, atol=1e-6)
 
 
-def test_a_deleted_cell_is_made_again_alone_and_to_the_byte(study, tmp_path):
+def test_a_deleted_cell_is_made_again_alone_and_to_the_byte(tiny_study, tmp_path):
     copied = tmp_path / "study"
-    shutil.copytree(study, copied)
+    shutil.copytree(tiny_study, copied)
     before = digests(copied)
-    cells = list(begin(copied, "sensors"))
+    cells = list(begin_cells(copied, "sensors"))
     times = {cell.folder: cell.file("qlearning.csv").stat().st_mtime_ns for cell in cells}
     gone = cells[3].folder
     shutil.rmtree(gone)
-    sweep.learn_cells(begin(copied, "sensors"), workers=1)
+    sweep.learn_cells(begin_cells(copied, "sensors"), workers=1)
     assert digests(copied) == before
     for folder, time in times.items():
         is_same = (folder / "qlearning.csv").stat().st_mtime_ns == time
         assert is_same == (folder != gone)
 
 
-def test_killed_cells_go_on_to_the_same_bytes(study, tmp_path, monkeypatch):
+def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch):
     class Killed(Exception):
         pass
 
     copied = tmp_path / "study"
-    shutil.copytree(study, copied)
+    shutil.copytree(tiny_study, copied)
     before = digests(copied)
     shutil.rmtree(copied / "ablations" / "ball_collecting" / "actions")
     monkeypatch.setattr(learning, "SECONDS_BETWEEN_SAVES", 0.0)
@@ -144,39 +129,39 @@ def test_killed_cells_go_on_to_the_same_bytes(study, tmp_path, monkeypatch):
 
         monkeypatch.setattr(learning, "save", save_some)
         try:
-            sweep.learn_cells(begin(copied, "actions"), workers=1)
+            sweep.learn_cells(begin_cells(copied, "actions"), workers=1)
         except Killed:
             kills += 1
     assert kills >= 2
     assert digests(copied) == before
 
 
-def test_more_runs_and_sources_leave_cells_as_they_are(study, tmp_path, tiny_run):
+def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tiny_run):
     copied = tmp_path / "study"
-    shutil.copytree(study, copied)
+    shutil.copytree(tiny_study, copied)
     second = copied / "ball_collecting" / "B-0"
     runs.create(second, replace(tiny_run.settings, source="B"))
     for name in ("actions.npz", "sensors.npz"):
         shutil.copy(tiny_run.file(name), second / name)
-    cells = begin(copied, "actions", n_runs=3)
+    cells = begin_cells(copied, "actions", n_runs=3)
     evolved = {(cell.settings.condition, cell.settings.seed): run.folder.name for cell, run in cells.items()}
-    assert {evolved["human", seed] for seed in range(N_RUNS)} == {"A-0"}
+    assert {evolved["human", seed] for seed in range(TINY_SWEEP["n_runs"])} == {"A-0"}
     assert evolved["human", 2] == "A-0"
     assert (
-        begin(copied, "actions", n_runs=4)[
+        begin_cells(copied, "actions", n_runs=4)[
             runs.load(copied / "ablations/ball_collecting/actions/human/3", CellSettings)
         ].settings.source
         == "B"
     )
 
 
-def test_cells_begun_with_other_settings_are_refused(study):
+def test_cells_begun_with_other_settings_are_refused(tiny_study):
     with pytest.raises(RunError, match="lanes = 4, not 5"):
-        begin(study, "sensors", lanes=5)
+        begin_cells(tiny_study, "sensors", lanes=5)
 
 
-def test_padding_is_what_does_nothing(study):
-    cells = [cell for some in ablations.find(study, "ball_collecting", "sensors").values() for cell in some]
+def test_padding_is_what_does_nothing(tiny_study):
+    cells = [cell for some in ablations.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
     shape = sweep.shape_of(cells)
     assert shape.n_inputs == max(int(stages.read_selection(cell).sum()) for cell in cells)
     for cell in cells:

@@ -168,6 +168,8 @@ def test_a_rollout_is_the_evaluated_test(history):
         steps = int(played.mask.sum())
         assert played.mask[:steps].all()
         assert bool(played.final.done) == (scores[index] == 1)
+        earned = played.states.reward[:steps].sum() + played.final.reward
+        assert float(earned) == float(scores[index]) * task.reward
         in_force = np.asarray(played.actions)[:steps]
         starts = []
         while sum(DURATIONS[starts]) < steps:

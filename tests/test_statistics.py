@@ -86,3 +86,18 @@ def test_the_interval_may_be_open():
     low, high = statistics.median_interval(np.array([1.0, 2, 3, np.inf, np.inf]))
     assert np.isfinite(low) and np.isinf(high)
     assert np.isnan(statistics.median_interval(np.array([1.0]))).all()
+
+
+def test_the_interval_of_a12_holds_it_and_is_repeatable():
+    generator = np.random.default_rng(3)
+    first, second = generator.normal(0.8, 1, 30), generator.normal(0, 1, 25)
+    low, high = statistics.a12_interval(first, second)
+    assert (low, high) == statistics.a12_interval(first, second)
+    assert low < statistics.mann_whitney(first, second).a12 < high
+    # By hand: resample both, count pairs.
+    pairs = [
+        (generator.choice(first, 30)[:, None] > generator.choice(second, 25)[None, :]).mean() for _ in range(4_000)
+    ]
+    np.testing.assert_allclose((low, high), np.quantile(pairs, (0.025, 0.975)), atol=0.02)
+    assert np.isnan(statistics.a12_interval([1.0], [2.0, 3.0])).all()
+    assert statistics.a12_interval([4.0, 5.0], [1.0, 2.0]) == (1, 1)

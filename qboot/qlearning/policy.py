@@ -98,7 +98,10 @@ def rollout(
             ends = elapsed + 1 == actions.durations[action]
             history = jnp.where(ends, remember(situation.history, state.observation), situation.history)
         record = (situation.state, command, action, running)
-        return (Situation(state, history, situation.step + 1), action, elapsed + 1), record
+        after = Situation(state, history, situation.step + 1)
+        # What a test earns is in its last state: that stays as it is once the test is over.
+        situation = jax.tree.map(partial(jnp.where, running), after, situation)
+        return (situation, action, elapsed + 1), record
 
     situation = start_test(key, task, domain, settings)
     start = situation, choose(situation), jnp.int32(0)

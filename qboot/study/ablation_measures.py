@@ -1,5 +1,7 @@
 """What is measured on the cells of the control experiments (section VII): performance, steps, inputs."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from qboot.study.curves import Curve, columns, moving_mean, source_curve
@@ -34,9 +36,17 @@ def average_performance(cell: Run) -> float:
     return float(source_curve(cell, "QL").scores.mean())
 
 
-def n_inputs(cell: Run) -> float:
-    """Inputs of the Q-networks."""
+def n_inputs(cell: Run, share: float = 1.0) -> float:
+    """Inputs of the Q-networks; they stay the same."""
     return float(read_selection(cell).sum())
+
+
+# By name, each a function of a cell and of the share of its episodes that has passed.
+MEASURES: dict[str, Callable[[Run, float], float]] = {
+    "performance": performance,
+    "steps of an episode": steps,
+    "inputs": n_inputs,
+}
 
 
 def _after(curve: Curve, share: float) -> float:

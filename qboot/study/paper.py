@@ -113,3 +113,119 @@ CONCLUSIONS = {
         ),
     ),
 }
+
+
+class TestTable(NamedTuple):
+    """One of the triangular tables of appendix A: p-values of Mann-Whitney tests between conditions."""
+
+    title: str
+    section: str
+    what: str  # the control experiment (`qboot.study.ablations`)
+    measure: str  # name in `qboot.study.ablation_measures.MEASURES`
+    printed: dict[
+        tuple[str, str], tuple[float, ...]
+    ]  # of two conditions; several where it is printed for several times
+    shares: tuple[float, ...] = (1.0,)  # of the episodes, after which ours is tested
+
+
+class ControlConclusion(NamedTuple):
+    """The paper's claim that a measure is greater in one condition of a control experiment than in another."""
+
+    conclusion: Conclusion  # greater and smaller are names of conditions
+    what: str
+    measure: str
+
+
+# The paper prints its tables on actions for three numbers of episodes.
+_THIRDS = (1 / 3, 2 / 3, 1.0)
+
+
+def _sensor_table(measure: str, *values: float | None) -> TestTable:
+    pairs = (
+        ("instant", "human"), ("instant", "selected"), ("instant", "random"), ("instant", "random+"),
+        ("human", "selected"), ("human", "random"), ("human", "random+"),
+        ("selected", "random"), ("selected", "random+"),
+        ("random", "random+"),
+    )  # fmt: skip
+    printed = {pair: () if value is None else (value,) for pair, value in zip(pairs, values, strict=True)}
+    return TestTable(f"Sensors: {measure}", "A-B", "sensors", measure, printed)
+
+
+TEST_TABLES = {
+    "ball_collecting": (
+        TestTable(
+            "Actions: performance",
+            "A-A",
+            "actions",
+            "performance",
+            {
+                ("random", "human"): (0.0, 0.0, 0.0),
+                ("random", "extracted"): (0.0, 0.0, 0.0),
+                ("human", "extracted"): (0.2018, 0.0081, 0.0004),
+            },
+            _THIRDS,
+        ),
+        _sensor_table("inputs", 0.0, 8.34e-29, 8.56e-10, 8.34e-29, 1.51e-12, 2.32e-2, 1.51e-12, 0.14, None, 0.14),
+        _sensor_table("performance", 1.39e-5, 1.17e-6, 0.14, 6.3e-5, 2.77e-2, 4.96e-3, 0.37, 9.19e-4, 6.9e-2, 1.61e-2),
+    ),
+    "box_pushing": (
+        TestTable(
+            "Actions: steps of an episode",
+            "A-A",
+            "actions",
+            "steps of an episode",
+            {
+                ("random", "human"): (0.0, 0.0, 0.0),
+                ("random", "extracted"): (0.0, 0.0003, 0.0006),
+                ("human", "extracted"): (0.0, 0.0, 0.0),
+            },
+            _THIRDS,
+        ),
+        _sensor_table("inputs", 0.0, 2.7e-13, 1.54e-10, 2.7e-13, 8.17e-5, 1.17e-7, 8.17e-5, 2.45e-5, None, 2.45e-5),
+        _sensor_table("performance", 0.29, 0.35, 0.81, 0.61, 3.94e-3, 6.53e-2, 1.58e-2, 9.34e-2, 2.46e-2, 0.74),
+    ),
+}
+
+
+def _on_actions(claim: str, greater: str, smaller: str, measure: str) -> ControlConclusion:
+    return ControlConclusion(
+        Conclusion(claim, "VII-A, figure 17", greater, smaller, "p < 0.001 in each of three tests"), "actions", measure
+    )
+
+
+CONTROL_CONCLUSIONS = {
+    "ball_collecting": (
+        _on_actions("Extracted actions perform better than random ones", "extracted", "random", "performance"),
+        _on_actions("Human-designed actions perform better than random ones", "human", "random", "performance"),
+        ControlConclusion(
+            Conclusion(
+                "Without past sensors (instant) the performance is lower than with those that a human chose",
+                "VII-B, figure 18",
+                "human",
+                "instant",
+                "p = 1.39e-5",
+            ),
+            "sensors",
+            "performance",
+        ),
+        ControlConclusion(
+            Conclusion(
+                "Without past sensors (instant) the performance is lower than with the automatic selection",
+                "VII-B, figure 18",
+                "selected",
+                "instant",
+                "p = 1.17e-6",
+            ),
+            "sensors",
+            "performance",
+        ),
+    ),
+    "box_pushing": (
+        _on_actions(
+            "Human-designed actions need more steps than extracted ones", "human", "extracted", "steps of an episode"
+        ),
+        _on_actions(
+            "Random actions need more steps than human-designed ones", "random", "human", "steps of an episode"
+        ),
+    ),
+}

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.study import figures, files, replay, sizes, verdicts
+from qboot.study import ablations, appendix, figures, files, profiles, replay, sizes, verdicts
 from qboot.study.curves import gather, runs_below, source_curve
-from qboot.study.figures import PLOTS, Plot
+from qboot.study.drawing import Drawn
+from qboot.study.figures import ABLATION_PLOTS, PLOTS, AblationPlot, Plot
 from qboot.study.figures_extraction import best_run
 from qboot.study.files import RunError
 from qboot.study.replay import PAGES, Player
@@ -26,7 +27,7 @@ class Picture(NamedTuple):
     """A figure as the page shows it."""
 
     number: int
-    plot: Plot
+    plot: Plot | AblationPlot
     shows: str  # what ours shows, or why there is none
     runs: list[str]
     png: str  # base64, empty when there is none
@@ -41,6 +42,17 @@ class RunLine(NamedTuple):
     seconds: dict[str, float]  # wall time by stage, where it was recorded
 
 
+class Experiment(NamedTuple):
+    """One control experiment as the page shows it."""
+
+    picture: Picture
+    meanings: dict[str, str]  # of its conditions
+    episodes: tuple[int, ...]  # the different numbers that cells have, smallest first; empty without cells
+    paper_episodes: int
+    n_cells: tuple[int, ...]  # per condition, likewise
+    tables: list[appendix.Table]
+
+
 class Section(NamedTuple):
     """All that the page says on one task."""
 
@@ -49,6 +61,8 @@ class Section(NamedTuple):
     rows: list[Row]
     findings: list[Finding]
     pictures: list[Picture]
+    control_findings: list[Finding]
+    experiments: list[Experiment]
     players: list[Player]
     player_run: str  # label of the run that is played, or why none is
     lines: list[RunLine]
@@ -63,12 +77,12 @@ def write(out: Path) -> Path:
     """
     some = runs_below(out)
     tasks = dict.fromkeys(run.settings.task for run in some)
-    sections = [_section(task, [run for run in some if run.settings.task == task]) for task in tasks]
+    sections = [_section(out, task, [run for run in some if run.settings.task == task]) for task in tasks]
     page = PAGES.get_template("report.html.jinja").render(
         sections=sections,
         profiles=sorted({run.settings.profile for run in some}),
         origins=_origins(some),
-        rules=verdicts.RULES,
+        rules=(*verdicts.RULES, *appendix.RULES),
         stages=tuple(STAGE_FILES),
     )
     path = out / "report.html"
@@ -96,15 +110,22 @@ def as_duration(seconds: float) -> str:
     return f"{seconds / 3_600:.1f} h"
 
 
-def _section(task: str, some: list[Run]) -> Section:
+def _section(study: Path, task: str, some: list[Run]) -> Section:
     players, player_run = _played(some)
     rows = verdicts.rows(some)
+    cells = {what: ablations.find(study, task, what) for what in ablations.WHATS}
+    tables = appendix.tables(cells, some)
     return Section(
         task=task,
         sizes=sizes.beside_paper(some),
         rows=rows,
         findings=verdicts.findings(some),
-        pictures=[_picture(number, plot, some) for number, plot in PLOTS[task].items()],
+        pictures=[
+            _picture(number, plot, lambda number=number: figures.draw(number, some))
+            for number, plot in PLOTS[task].items()
+        ],
+        control_findings=appendix.findings(cells, some),
+        experiments=[_experiment(study, task, number, cells, tables) for number in ABLATION_PLOTS],
         players=players,
         player_run=player_run,
         lines=[_line(run) for run in some],
@@ -112,9 +133,24 @@ def _section(task: str, some: list[Run]) -> Section:
     )
 
 
-def _picture(number: int, plot: Plot, some: list[Run]) -> Picture:
+def _experiment(
+    study: Path, task: str, number: int, cells: dict[str, appendix.Cells], tables: list[appendix.Table]
+) -> Experiment:
+    plot = ABLATION_PLOTS[number]
+    of_conditions = cells[plot.what].values()
+    return Experiment(
+        picture=_picture(number, plot, lambda: figures.draw_ablation(number, study, task)),
+        meanings={name: each.meaning for name, each in ablations.conditions(task, plot.what).items()},
+        episodes=tuple(sorted({cell.settings.episodes for some in of_conditions for cell in some})),
+        paper_episodes=profiles.sweep_of(task, plot.what, "paper").episodes,
+        n_cells=tuple(sorted({len(some) for some in of_conditions})),
+        tables=[table for table in tables if table.table.what == plot.what],
+    )
+
+
+def _picture(number: int, plot: Plot | AblationPlot, draw: Callable[[], Drawn]) -> Picture:
     try:
-        drawn = figures.draw(number, some)
+        drawn = draw()
     except RunError as error:
         return Picture(number, plot, str(error), [], "")
     png = base64.b64encode(figures.as_png(drawn.figure)).decode()

@@ -95,6 +95,22 @@ def median_interval(values: np.ndarray, level: float = 0.95, seed: int = 0) -> t
     return float(low), float(high)
 
 
+def a12_interval(first: np.ndarray, second: np.ndarray, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Bootstrap confidence interval (percentiles) of A12 of samples (n,) and (m,); NaN if one has fewer than two."""
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if min(len(first), len(second)) < 2:
+        return np.nan, np.nan
+
+    def a12(one: np.ndarray, other: np.ndarray, axis: int) -> np.ndarray:
+        one, other = one[..., :, None], other[..., None, :]
+        return ((one > other) + 0.5 * (one == other)).mean(axis=(-2, -1))
+
+    found = stats.bootstrap(
+        (first, second), a12, n_resamples=RESAMPLES, confidence_level=level, method="percentile", rng=seed
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
 def _quantiles(values: np.ndarray, shares: tuple[float, ...], axis: int) -> np.ndarray:
     values = np.asarray(values, float)
     if not values.shape[axis]:

@@ -90,6 +90,12 @@ def judge_order(comparison: Comparison, top: float, n_runs: int, has_sizes: bool
     return AGREES if comparison.a12 > 0.5 and comparison.p_value < SIGNIFICANCE else DIFFERS
 
 
+def has_sizes(some: list[Run], needs: tuple[str, ...]) -> bool:
+    """Whether all runs (at least one, of one task) are at least as large as the paper's in all that is named."""
+    needed = sizes.of_paper(some[0].settings.task)
+    return all(sizes.of_run(run)[name] >= needed[name] for run in some for name in needs)
+
+
 def _row(result: Result, some: list[Run]) -> Row:
     measure = MEASURES[result.measure]
     gathered = gather(some, measure.read)
@@ -106,7 +112,7 @@ def _row(result: Result, some: list[Run]) -> Row:
         quartiles=Quartiles(*map(float, quartiles(sample.values))),
         interval=median_interval(sample.values),
         not_reached=int(np.isinf(sample.values).sum()) if np.isfinite(sample.given) else None,
-        verdict=judge(result, sample, len(found), _has_sizes(some, measure.needs)),
+        verdict=judge(result, sample, len(found), has_sizes(some, measure.needs)),
         missing=missing,
     )
 
@@ -119,14 +125,9 @@ def _finding(conclusion: Conclusion, some: list[Run]) -> Finding:
     first, second = (np.concatenate([of[run].values for run in both]) for of in (greater, smaller))
     comparison = mann_whitney(first, second)
     top = float(max(first.max(), second.max()))
-    verdict = judge_order(comparison, top, len(both), _has_sizes(some, _NEEDED_FOR_ORDER))
+    verdict = judge_order(comparison, top, len(both), has_sizes(some, _NEEDED_FOR_ORDER))
     return Finding(conclusion, len(both), (float(np.median(first)), float(np.median(second))), comparison, verdict)
 
 
 def _central(result: Result, sample: Sample) -> float:
     return float({"median": np.median, "mean": np.mean}[result.statistic](sample.values))
-
-
-def _has_sizes(some: list[Run], needs: tuple[str, ...]) -> bool:
-    needed = sizes.of_paper(some[0].settings.task)
-    return all(sizes.of_run(run)[name] >= needed[name] for run in some for name in needs)

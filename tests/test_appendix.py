@@ -1,0 +1,145 @@
+"""The control experiments in figures, tests and report: the paper's tables, and verdicts by their rules."""
+
+import itertools
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from qboot.study import ablation_measures, ablations, appendix, figures, files, paper, profiles, report, runs
+from qboot.study.appendix import NOT_COMPARABLE
+from qboot.study.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER
+
+SEEDS = range(5)
+
+
+@pytest.fixture(scope="module")
+def paper_sized(tiny_study, tmp_path_factory):
+    """Five learners per set of actions, of the paper's size as far as their files tell, and the run behind them.
+
+    Extracted actions score 6 or 7, random ones 0 to 2, human-designed ones 5 to 9: only random ones stand out.
+    """
+    folder = tmp_path_factory.mktemp("paper")
+    settings = profiles.settings_of("ball_collecting", "paper", "A", 0)
+    run = runs.create(folder / "ball_collecting" / "A-0", settings)
+    scores = {"extracted": [6, 6, 7, 7, 7], "human": [5, 6, 7, 8, 9], "random": [0, 1, 1, 2, 2]}
+    some = ablations.find(tiny_study, "ball_collecting", "actions")
+    for condition, seed in itertools.product(scores, SEEDS):
+        cell = some[condition][seed % 2]
+        changed = replace(cell.settings, seed=seed, n_steps=10_000, episodes=10_000)
+        made = runs.create(folder / "ablations" / "ball_collecting" / "actions" / condition / str(seed), changed)
+        shutil.copy(cell.file("sensors.npz"), made.folder)
+        score = scores[condition][seed]
+        # Nothing is learned before half of the time.
+        by_episode = np.where(np.arange(1, 10_001) > 5_000, float(score), 0.0)
+        columns = {"episode": np.arange(1, 10_001), "score": by_episode, "steps": np.full(10_000, 20_000)}
+        files.write_csv(made.file("qlearning.csv"), columns)
+    return folder, [run]
+
+
+def tables_of(study, some):
+    return appendix.tables({what: ablations.find(study, "ball_collecting", what) for what in ablations.WHATS}, some)
+
+
+def test_the_tables_have_the_papers_pairs():
+    """Sections A-A and A-B: 3 pairs of actions, 10 of sensors."""
+    for task, tables in paper.TEST_TABLES.items():
+        assert [len(table.printed) for table in tables] == [3, 10, 10]
+        for table in tables:
+            names = set(ablations.conditions(task, table.what))
+            assert {name for pair in table.printed for name in pair} == names
+            assert {frozenset(pair) for pair in table.printed} == {
+                frozenset(pair) for pair in itertools.combinations(names, 2)
+            }
+            assert table.measure in ablation_measures.MEASURES
+        for claim in paper.CONTROL_CONCLUSIONS[task]:
+            assert {claim.conclusion.greater, claim.conclusion.smaller} <= set(ablations.conditions(task, claim.what))
+
+
+def test_pairs_are_tested_at_three_times(paper_sized):
+    early, late, end = tables_of(*paper_sized)[:3]
+    assert (early.episodes, late.episodes, end.episodes) == (3_333, 6_666, 10_000)
+    assert early.names == ["random", "human", "extracted"]
+    assert {pair.comparison.p_value for pair in early.pairs.values()} == {1.0}
+    for table in (late, end):
+        pair = table.pairs["random", "human"]
+        assert pair.n_cells == (5, 5) and pair.medians == (1, 7)
+        # All of five are below all of five: exact 2 / 252 without ties, near it with them.
+        assert pair.comparison.a12 == 0 and pair.comparison.p_value < 0.02
+        assert pair.interval == (0, 0)
+        assert pair.verdict == AGREES
+
+
+def test_equal_by_few_learners_is_not_compared(paper_sized):
+    end = tables_of(*paper_sized)[2]
+    pair = end.pairs["human", "extracted"]
+    assert pair.comparison.p_value > 0.05 and pair.printed == (0.2018, 0.0081, 0.0004)
+    assert pair.verdict == "the paper's own differ"
+    assert tables_of(*paper_sized)[3].pairs["instant", "human"].verdict == NO_DATA
+
+
+def test_conclusions_are_tested_on_cells(paper_sized):
+    folder, some = paper_sized
+    cells = {what: ablations.find(folder, "ball_collecting", what) for what in ablations.WHATS}
+    extracted, human, *sensors = appendix.findings(cells, some)
+    assert extracted.medians == (7, 1) and extracted.verdict == AGREES
+    assert human.medians == (7, 1) and human.n_runs == 5 and human.verdict == AGREES
+    assert {finding.verdict for finding in sensors} == {NO_DATA}
+
+
+@pytest.mark.parametrize(
+    ("p_value", "printed", "n_cells", "comparable", "expected"),
+    [
+        (0.01, (0.001,), 5, True, AGREES),
+        (0.01, (0.3,), 5, True, DIFFERS),
+        (0.01, (0.001,), 4, True, NOT_COMPARABLE),
+        (0.01, (0.001,), 30, False, NOT_COMPARABLE),
+        (0.5, (0.001,), 30, True, DIFFERS),
+        (0.5, (0.3,), 30, True, AGREES),
+        (0.5, (0.3,), 29, True, NOT_COMPARABLE),
+        (0.5, (), 30, True, NO_NUMBER),
+        (np.nan, (0.3,), 0, True, NO_DATA),
+        (0.5, (0.3, 0.01), 30, True, "the paper's own differ"),
+    ],
+)
+def test_the_rule_for_pairs(p_value, printed, n_cells, comparable, expected):
+    assert appendix.judge(p_value, printed, n_cells, comparable) == expected
+
+
+def test_small_cells_are_not_compared(tiny_study, tiny_run):
+    verdicts = {pair.verdict for table in tables_of(tiny_study, [tiny_run]) for pair in table.pairs.values()}
+    assert verdicts == {NOT_COMPARABLE, NO_NUMBER, "the paper's own differ"}
+
+
+def test_measures_of_a_cell(paper_sized):
+    folder, _ = paper_sized
+    cell = ablations.find(folder, "ball_collecting", "actions")["human"][4]
+    assert ablation_measures.performance(cell) == 9
+    assert ablation_measures.performance(cell, 0.5) == 0
+    assert ablation_measures.performance(cell, 0.501) == 9 * 10 / 20
+    assert ablation_measures.average_performance(cell) == 4.5
+    assert ablation_measures.steps(cell, 1 / 3) == 20_000
+
+
+def test_the_report_holds_the_control_experiments(tiny_study, tmp_path):
+    shutil.copytree(tiny_study, tmp_path / "study")
+    page = report.write(tmp_path / "study").read_text()
+    for number in figures.ABLATION_PLOTS:
+        assert f'id="ball_collecting-figure-{number}"' in page
+    assert page.count("data:image/png;base64,") == len(figures.PLOTS["ball_collecting"]) + 3
+    assert page.count("<caption>") == 5
+    assert "8.34e-29" in page and "0.0081" in page
+    assert "missing</dt>" not in page
+    names = re.findall(r'id="([^"]+)"', page)
+    assert len(names) == len(set(names))
+
+
+def test_figures_of_cells_are_commands(tiny_study, tmp_path, capsys):
+    for number in figures.ABLATION_PLOTS:
+        path = tmp_path / f"{number}.png"
+        assert figures.ablation_command(number, [str(tiny_study), "--out", str(path)]) == 0
+        assert path.read_bytes().startswith(b"\x89PNG")
+    assert figures.ablation_command(17, [str(tmp_path), "--out", str(tmp_path / "none.png")]) == 2
+    assert "qboot ablate --task ball_collecting --what actions" in capsys.readouterr().err
