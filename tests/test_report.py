@@ -116,7 +116,7 @@ def test_a_damaged_file_is_named(tiny_run, tmp_path):
 def test_nothing_but_a_configuration_is_reported(tmp_path):
     runs.create(tmp_path / "box_pushing" / "A-0", profiles.settings_of("box_pushing", "smoke", "A", 0))
     page = report.write(tmp_path).read_text()
-    assert page.count("data:image/png") == 1  # the domains
+    assert page.count("data:image/png") == 2  # the environment and the domains
     assert "No replay" in page
 
 

@@ -14,6 +14,7 @@ from qboot.envs import TASKS
 from qboot.study import (
     ablations,
     figures_ablations,
+    figures_arm,
     figures_behaviour,
     figures_extraction,
     figures_scores,
@@ -79,6 +80,11 @@ PLOTS = {
         ),
     },
     "box_pushing": {
+        10: Plot(
+            "The environment",
+            "A picture of the simulated arm above a table with a box, which it must push by hitting it from the side.",
+            figures_arm.environment,
+        ),
         11: Plot(
             "The domains",
             "Three source blocks in the top row, three target blocks of other sizes below.",
