@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs import make_task
+from qboot.envs import PHYSICS, make_task
 from qboot.extraction.actions import ActionSet
-from qboot.extraction.baselines import HUMAN_ACTIONS
+from qboot.extraction.baselines import HUMAN_ACTIONS, human_sensors
 from qboot.extraction.clustering import fuzzy_c_means
 from qboot.extraction.sensors import SensorSettings, sensor_votes
 from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
@@ -29,7 +29,8 @@ from qboot.neuroevolution.dnn import Topology
 from qboot.neuroevolution.evolve import EvolutionSettings, Problem
 from qboot.qlearning import learner
 from qboot.qlearning.inputs import input_set
-from qboot.study.profiles import LEARNERS
+from qboot.study.profiles import LANES, LEARNERS
+from qboot.study.sweep import Lane, learn_lanes
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
 REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}
@@ -95,16 +96,26 @@ def controllers(name: str, physics: str, batch: int) -> dict:
     }
 
 
-def generation(name: str, physics: str, workers: int) -> dict:
-    """A whole generation of the paper's size: 128 children, records, diversity, selection; median over distances."""
-    task = make_task(name, physics)
+def generation(name: str, physics: str, workers: int, n_before: int = 0, reevaluate: bool = False) -> dict:
+    """A whole generation of the paper's size: 128 children, records, diversity, selection; median over distances.
+
+    The population is random, or evolved for `n_before` generations in the faster physics of the task.
+    """
+    topology = Topology(feed_forward=make_task(name, physics).feed_forward)
+
+    def problem_in(physics: str, diversities: tuple[str, ...]) -> Problem:
+        task = make_task(name, physics)
+        settings = EvolutionSettings(diversities=diversities, reevaluate=reevaluate)
+        return Problem(task, task.source_domains("A"), settings, topology, jax.random.key(0), workers)
+
+    fast = problem_in(PHYSICS[name][-1], tuple(DIVERSITIES))
+    begun, _ = evolve.init(fast)
+    for _ in range(n_before):
+        begun, _ = evolve.step(fast, begun)
     seconds = {}
     for diversity in DIVERSITIES:
-        settings = EvolutionSettings(diversities=(diversity,))
-        topology = Topology(feed_forward=task.feed_forward)
-        problem = Problem(task, task.source_domains("A"), settings, topology, jax.random.key(0), workers)
-        state, _ = evolve.init(problem)
-        state, _ = evolve.step(problem, state)  # compiles what is left
+        problem = problem_in(physics, (diversity,))
+        state, _ = evolve.step(problem, begun)  # compiles
         seconds[diversity] = least(lambda problem=problem, state=state: evolve.step(problem, state))
     return {"workers": workers, "median_s": float(np.median(list(seconds.values()))), **seconds}
 
@@ -122,6 +133,53 @@ def q_learning(n_episodes: int) -> dict:
     first = time.perf_counter() - started
     seconds = least(lambda: jax.block_until_ready(run()))
     return {"episodes": n_episodes, "s_per_episode": seconds / n_episodes, "compile_s": first - seconds}
+
+
+def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict:
+    """Q-learners that differ in their seed: side by side in programs of `lanes`, and one after another, one thread.
+
+    `ratio` is the time of all side by side over that of all one after another; `equal` counts the seeds whose scores
+    are the same in every episode; `weights` is the largest difference of a weight, over the largest weight.
+    """
+    task = make_task(name, PHYSICS[name][0])
+    lane = Lane(
+        task.source_domains("A"),
+        ActionSet(*map(jnp.asarray, HUMAN_ACTIONS[name]())),
+        input_set(human_sensors(name)),
+    )
+    settings = LEARNERS[name]
+    alone = [learner.init(key, task, *lane, settings) for key in jax.random.split(jax.random.key(0), n_seeds)]
+    blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), lane)
+
+    def side_by_side():
+        return [learn_lanes(block, task, stacked, settings, n_episodes) for block in blocks]
+
+    def one_by_one():
+        return [learner.learn(state, task, *lane, settings, n_episodes) for state in alone]
+
+    compile_seconds, seconds, found = {}, {}, {}
+    for way, call in (("vmapped", side_by_side), ("single", one_by_one)):
+        started = time.perf_counter()
+        found[way] = jax.block_until_ready(call())
+        first_seconds = time.perf_counter() - started
+        seconds[way] = least(lambda call=call: jax.block_until_ready(call()), 2)
+        compile_seconds[way] = first_seconds - seconds[way]
+    vmapped = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *found["vmapped"])
+    single = jax.tree.map(lambda *leaves: jnp.stack(leaves), *found["single"])
+    equal = [np.array_equal(one, other) for one, other in zip(vmapped[1].score, single[1].score, strict=True)]
+    pairs = zip(jax.tree.leaves(vmapped[0].networks), jax.tree.leaves(single[0].networks), strict=True)
+    return {
+        "seeds": n_seeds,
+        "lanes": lanes,
+        "episodes": n_episodes,
+        "vmapped_s": seconds["vmapped"],
+        "single_s": seconds["single"],
+        "ratio": seconds["vmapped"] / seconds["single"],
+        "equal": int(sum(equal)),
+        "weights": max(float(np.abs(one - other).max() / np.abs(other).max()) for one, other in pairs),
+        "compile_s": compile_seconds["vmapped"],
+    }
 
 
 def selection(n: int) -> dict:
@@ -154,10 +212,18 @@ BENCHMARKS = {
     "ball_collecting generation": partial(generation, "ball_collecting", "fastsim", CORES),
     "box_pushing mjx environment": partial(environment, "box_pushing", "mjx", 240),
     "box_pushing mjx controllers": partial(controllers, "box_pushing", "mjx", 16),
-    "box_pushing mjx generation": partial(generation, "box_pushing", "mjx", CORES),
+    "box_pushing mjx generation, random": partial(generation, "box_pushing", "mjx", CORES),
+    "box_pushing mjx generation, evolved": partial(generation, "box_pushing", "mjx", CORES, 60),
+    "box_pushing mjx generation, evolved, survivors again": partial(
+        generation, "box_pushing", "mjx", CORES, 60, reevaluate=True
+    ),
     "box_pushing kinematic environment": partial(environment, "box_pushing", "kinematic", 240),
     "box_pushing kinematic generation": partial(generation, "box_pushing", "kinematic", CORES),
     "q_learning": partial(q_learning, 10),
+    "ball_collecting sweep": partial(sweep_of_seeds, "ball_collecting", 30, LANES, 5),
+    "ball_collecting sweep, all lanes": partial(sweep_of_seeds, "ball_collecting", 30, 30, 5),
+    "box_pushing sweep": partial(sweep_of_seeds, "box_pushing", 30, LANES, 20),
+    "box_pushing sweep, all lanes": partial(sweep_of_seeds, "box_pushing", 30, 30, 20),
     "nsga2 selection": partial(selection, 256),
     "fuzzy c-means": partial(clustering, 100_000),
     "sensor selection": partial(sensors, 50),
@@ -184,7 +250,7 @@ def main() -> None:
             if options.pattern in name:
                 result = benchmark()
                 print(json.dumps({"benchmark": name, **result, **machine}), file=stream, flush=True)
-                print(f"{name:36}", "  ".join(f"{key} {_short(value)}" for key, value in result.items()), flush=True)
+                print(f"{name:54}", "  ".join(f"{key} {_short(value)}" for key, value in result.items()), flush=True)
 
 
 def _short(value: float) -> str:
