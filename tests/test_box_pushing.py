@@ -1,6 +1,5 @@
 """Box pushing: the rules, the two physics, and the recorded runs of the original arm."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -12,17 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from experiments import agreement, parity
 from qboot.envs import arm, blocks, box_pushing, box_pushing_kinematic, box_pushing_mjx
+from qboot.neuroevolution.dnn import Genome, Topology
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(__file__).parent / "data"
 PHYSICS = ("mjx", "kinematic")
 SMALL = blocks.block(1.0)
 NEUTRAL = jnp.array([0.5, 0.5, 0.5])
-
-spec = importlib.util.spec_from_file_location("parity", ROOT / "experiments" / "parity.py")
-parity = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(parity)
 
 
 def compiled_step(physics):
@@ -225,6 +222,20 @@ def test_both_physics_agree(n_tests):
     assert (mjx == kinematic).all(axis=0).mean() >= 0.995
     ended, succeeded = mjx.mean(axis=1)
     assert succeeded > 0.1 and ended - succeeded > 0.1  # both outcomes are well represented
+
+
+@pytest.mark.parametrize("evolved_in", PHYSICS)
+@pytest.mark.parametrize("n_seeds", [1, pytest.param(12, marks=pytest.mark.slow)])
+def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
+    """Every twelfth network of three lineages of 400 generations: more than 10,000 tests in the slow cases together."""
+    with np.load(DATA / "evolved_arms.npz") as arrays:
+        genomes = Genome(*(arrays[f"{evolved_in}.{name}"] for name in Genome._fields))
+    for seed in range(n_seeds):
+        found = agreement.agreement(genomes, Topology(feed_forward=True), seed)
+        assert found["tests"] == 15 * len(genomes.weights) >= 450
+        assert found["outcome_agreement"] >= 0.995
+        assert found["largest_score_difference"] <= 1
+        assert 3 < found["score_mjx"] < 12  # pushes and failures are well represented
 
 
 @pytest.mark.slow
