@@ -180,6 +180,7 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import report, runner
 
     out = options.out or Path("results") / options.profile
+    runner.share_compiled_programs(out)
     runner.reproduce(options.profile, options.task, out, options.jobs)
     print(report.write(out))
 

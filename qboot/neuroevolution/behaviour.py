@@ -100,6 +100,20 @@ def _update_flow(task: Task, domain: Domain, record: tuple, moment: Moment) -> t
     )
 
 
+def _start_states(task: Task, n_steps: int) -> TaskState:
+    domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains(task.sources[0]))
+    state = jax.eval_shape(task.reset, jax.random.key(0), domain)
+    return jax.tree.map(lambda leaf: jnp.zeros((n_steps, *leaf.shape), leaf.dtype), state)
+
+
+def _update_states(task: Task, domain: Domain, record: TaskState, moment: Moment) -> TaskState:
+    return jax.tree.map(lambda buffer, value: _write(buffer, moment.t, value, moment.alive), record, moment.state)
+
+
+def _finish_states(task: Task, domain: Domain, record: TaskState, final: TaskState) -> tuple[TaskState, TaskState]:
+    return record, final
+
+
 RECORDERS = {
     # (T,) uint16: sensors and effectors binarised at half range, a bit each; 0 once the test is over
     "hamming": Recorder(_start_bits, _update_bits, _as_it_is),
@@ -113,3 +127,6 @@ RECORDERS = {
 
 # The whole sensori-motor flow: observations (T, S) and commands (T, E)
 FLOW = Recorder(_start_flow, _update_flow, _as_it_is)
+
+# Every state of a test (T, ...), and the final one
+STATES = Recorder(_start_states, _update_states, _finish_states)

@@ -3,12 +3,11 @@
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from qboot.envs.types import Domain, Task
 from qboot.neuroevolution import evaluation, evolve
-from qboot.neuroevolution.behaviour import Moment, Recorder
+from qboot.neuroevolution.behaviour import STATES
 from qboot.qlearning import policy
 from qboot.study.runs import Run
 from qboot.study.stages import (
@@ -76,25 +75,3 @@ def _joined(states: Any, final: Any, steps: int) -> Any:
 
 def _at(tree: Any, index: int | tuple[int, ...]) -> Any:
     return jax.tree.map(lambda leaf: leaf[index], tree)
-
-
-def _start_states(task: Task, n_steps: int) -> Any:
-    domain = _at(task.source_domains(task.sources[0]), 0)
-    state = jax.eval_shape(task.reset, jax.random.key(0), domain)
-    return jax.tree.map(lambda leaf: jnp.zeros((n_steps, *leaf.shape), leaf.dtype), state)
-
-
-def _update_states(task: Task, domain: Domain, record: Any, moment: Moment) -> Any:
-    return jax.tree.map(
-        lambda buffer, value: buffer.at[moment.t].set(jnp.where(moment.alive, value, buffer[moment.t])),
-        record,
-        moment.state,
-    )
-
-
-def _finish_states(task: Task, domain: Domain, record: Any, final: Any) -> tuple[Any, Any]:
-    return record, final
-
-
-# Every state of a test, (T, ...), and the final one.
-STATES = Recorder(_start_states, _update_states, _finish_states)

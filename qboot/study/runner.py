@@ -6,11 +6,14 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
 from tqdm import tqdm
 
 from qboot.envs import TASKS
@@ -36,10 +39,13 @@ class Job:
     status: Path
     folder: Path
     steps: dict[str, list[str]]  # arguments of `qboot` by name of the step
+    is_ready: Callable[[], bool] = lambda: True  # whether what it reads is there
+    is_over: bool = False
+    error: str = ""  # in words, once it is over
 
 
 def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> None:
-    """All runs of one task or of all, into `out`/TASK/SOURCE-SEED, then their control experiments.
+    """All runs of one task or of all, into `out`/TASK/SOURCE-SEED, and their control experiments.
 
     Raises:
         ValueError: for an unknown task or profile, or jobs below 1.
@@ -48,17 +54,70 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
     tasks = [task] if task else list(TASKS)
-    settings = [run for name in tasks for run in profiles.runs_of(name, profile)]
-    for run in settings:
-        runs.create(_folder_of(out, run), run)
+    settings = {name: profiles.runs_of(name, profile) for name in tasks}
+    for of_task in settings.values():
+        for run in of_task:
+            runs.create(_folder_of(out, run), run)
     with tempfile.TemporaryDirectory() as scratch:
         status = (Path(scratch) / f"{i}.json" for i in itertools.count())
-        of_runs = [_run_job(out, run, next(status)) for run in settings]
+        of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
         # Those of the slower simulation first, so that the cores are busy to the end.
-        of_sweeps = [_sweep_job(out, name, what, profile, next(status)) for name in tasks[::-1] for what in WHATS]
-        errors = _do(of_runs, "runs", out, jobs) + _do(of_sweeps, "control experiments", out, jobs)
+        of_sweeps = [
+            _sweep_job(out, name, what, profile, next(status), of_runs[name]) for name in tasks[::-1] for what in WHATS
+        ]
+        everything = [job for of_task in of_runs.values() for job in of_task] + of_sweeps
+        do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
+    errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
     if errors:
         raise RunError("; ".join(errors))
+
+
+def share_compiled_programs(out: Path) -> None:
+    """Keep what this process and those that it starts compile in the folder of the study, unless told otherwise."""
+    folder = os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
+    seconds = os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", float(seconds))
+
+
+def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
+    """Do jobs in their order, several at a time; one that is not ready lets others pass.
+
+    Args:
+        some: the jobs; a job that waits for others must become ready once they are over.
+        do_job: does one; returns its error, or nothing.
+        n_workers: at a time, >= 1.
+    """
+    waiting, lock = list(some), threading.Lock()
+
+    def take() -> Job | None:
+        with lock:
+            job = next((job for job in waiting if job.is_ready()), None)
+            if job:
+                waiting.remove(job)
+            return job
+
+    def work() -> None:
+        while waiting:
+            job = take()
+            if job is None:
+                time.sleep(SECONDS_BETWEEN_LOOKS)
+                continue
+            try:
+                job.error = do_job(job)
+            except OSError as error:
+                job.error = str(error)
+            finally:
+                job.is_over = True
+
+    with ThreadPoolExecutor(n_workers) as pool:
+        workers = [pool.submit(work) for _ in range(n_workers)]
+        try:
+            _watch(some)
+        finally:
+            waiting.clear()
+    for worker in workers:
+        worker.result()
 
 
 def _folder_of(out: Path, run: RunSettings) -> Path:
@@ -71,24 +130,19 @@ def _run_job(out: Path, run: RunSettings, status: Path) -> Job:
     return Job(f"{run.task} {run.source}-{run.seed}", status, folder, steps)
 
 
-def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path) -> Job:
+def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_runs: list[Job]) -> Job:
+    """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
     arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
-    return Job(f"{task} {what}", status, out / "ablations" / task / what, {"ablate": arguments})
+
+    def is_ready() -> bool:
+        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+
+    return Job(f"{task} {what}", status, out / "ablations" / task / what, {"ablate": arguments}, is_ready)
 
 
-def _do(some: list[Job], label: str, out: Path, jobs: int | None) -> list[str]:
-    """Do jobs, several at a time; the errors in words."""
-    with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
-        futures = [pool.submit(_do_steps, job, out) for job in some]
-        _watch(label, some, futures)
-    return [f"{job.folder}: {future.result()}" for job, future in zip(some, futures, strict=True) if future.result()]
-
-
-def _do_steps(job: Job, out: Path) -> str:
+def _do_steps(job: Job) -> str:
     """All steps of one job; an error in words, or nothing."""
     environment = os.environ | ONE_THREAD | {STATUS_VARIABLE: str(job.status)}
-    environment.setdefault("JAX_COMPILATION_CACHE_DIR", str(out / ".jax_cache"))
-    environment.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     for step, arguments in job.steps.items():
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
@@ -96,7 +150,7 @@ def _do_steps(job: Job, out: Path) -> str:
             result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
             if result.returncode == 0:
                 _note_time(job.folder, step, time.time() - started)
-            if result.returncode in (0, 2):
+            if result.returncode in (0, 2, 130):
                 break
         if result.returncode:
             words = result.stderr.strip().splitlines() or [f"exit code {result.returncode}"]
@@ -110,18 +164,18 @@ def _note_time(folder: Path, stage: str, seconds: float) -> None:
         stream.write(f"{stage},{seconds:.1f}\n")
 
 
-def _watch(label: str, some: list[Job], futures: list) -> None:
+def _watch(some: list[Job]) -> None:
     """Show how far all jobs are until they are over."""
     total = sum(len(job.steps) for job in some)
     form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
     interval = 1.0 if sys.stderr.isatty() else 10.0  # a file is not filled with bars
-    with tqdm(total=float(total), desc=label, bar_format=form, dynamic_ncols=True, mininterval=interval) as bar:
+    with tqdm(total=float(total), desc="study", bar_format=form, dynamic_ncols=True, mininterval=interval) as bar:
         while True:
-            over = all(future.done() for future in futures)
+            over = all(job.is_over for job in some)
             done, texts = 0.0, []
-            for job, future in zip(some, futures, strict=True):
+            for job in some:
                 status = _read_status(job.status)
-                if future.done():
+                if job.is_over:
                     done += len(job.steps)
                 elif status:
                     finished = [i for i, step in enumerate(job.steps) if status["label"].startswith(step)]

@@ -18,7 +18,7 @@ from qboot.extraction.segmentation import Segments, join_segments, linear_segmen
 from qboot.extraction.sensors import majority, sensor_votes
 from qboot.extraction.traces import Trace, traces
 from qboot.neuroevolution import evaluation, evolve
-from qboot.neuroevolution.behaviour import RECORDERS
+from qboot.neuroevolution.behaviour import STATES
 from qboot.neuroevolution.dnn import Genome
 from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
 from qboot.neuroevolution.lineage import Individuals, best_of, lineage
@@ -199,7 +199,8 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))
-    evaluated = evaluation.evaluate(task, run.settings.topology, RECORDERS["adhoc"], domains, best.genomes, key[None])
+    # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
+    evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
     evolved = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
     learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
