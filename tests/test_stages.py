@@ -59,6 +59,23 @@ def test_finished_stages_are_skipped(tiny_run):
     assert {path.name: path.stat().st_mtime_ns for path in tiny_run.folder.iterdir()} == before
 
 
+def test_a_stage_that_is_done_again_removes_what_came_of_it(tiny_run, tmp_path):
+    """Otherwise scores of the old networks would stand beside the new ones."""
+    shutil.copytree(tiny_run.folder, tmp_path / "run")
+    run = runs.load(tmp_path / "run")
+    run.file("qnets.npz").unlink()
+    STAGES["learn"](run, 1)
+    assert digests(tiny_run.folder).keys() - digests(run.folder).keys() == {
+        "generalisation.csv",
+        "target_learn.csv",
+        "target_er.csv",
+        "target_er_transfer.csv",
+        "transfer.csv",
+    }
+    STAGES["transfer"](run, 1)
+    assert digests(run.folder) == digests(tiny_run.folder)
+
+
 def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch):
     """Every stage is killed in its middle, just after a save, and started again."""
     monkeypatch.setattr(learning, "SECONDS_BETWEEN_SAVES", 0.0)

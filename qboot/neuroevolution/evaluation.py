@@ -22,6 +22,8 @@ CHUNK = 250
 CHUNKS_PER_TEST = 20
 # The batch shrinks to these shares of its first size as lanes are over.
 BATCH_SHARES = (1, 4, 16)
+# Smaller batches, as those of a single network, are not worth a compiled loop for each share.
+SMALLEST_SHARED = 16
 # Controllers per compiled call on a CPU: their data stays in the cache, and calls spread over the cores.
 BLOCK = 16
 
@@ -80,7 +82,8 @@ def run(
     activities = jax.vmap(dnn.rest)(networks)
     states = jax.vmap(task.reset)(keys, domains)
     lanes = Lanes(domains, networks, states, activities, jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
-    sizes = [-(-n_lanes // share) for share in BATCH_SHARES]
+    shares = BATCH_SHARES if n_lanes >= SMALLEST_SHARED else BATCH_SHARES[:1]
+    sizes = [-(-n_lanes // share) for share in shares]
     first_chunk = jnp.int32(0)
     for size, next_size in zip(sizes, [*sizes[1:], 0], strict=True):
         # Places past the end fill up the batch; what happens in them is dropped.

@@ -29,8 +29,8 @@ class Size:
 PROFILES = {
     # Every stage, every figure, in minutes: shows that all works, says nothing about the method.
     "smoke": {
-        "ball_collecting": Size(1, ("A",), 16, 4, 400, 4, 6, 4, 2),
-        "box_pushing": Size(1, ("A",), 16, 4, 100, 4, 6, 4, 2),
+        "ball_collecting": Size(1, ("A",), 16, 4, 400, 4, 6, 6, 2),
+        "box_pushing": Size(1, ("A",), 16, 4, 100, 4, 6, 6, 2),
     },
     # Curves that rise, on two cores, while one has a coffee.
     "quick": {

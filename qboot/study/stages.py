@@ -39,6 +39,21 @@ _PURPOSES = (
     "target_er_transfer",
     "tests",
 )
+# What each stage writes, in their order.
+FILES = {
+    "evolve": ("history.csv", "lineage.npz", "pareto.npz"),
+    "extract": ("actions.npz", "sensors.npz"),
+    "learn": ("learn.checkpoint.npz", "qlearning.csv", "qnets.npz"),
+    "transfer": (
+        "generalisation.csv",
+        *(
+            f"{part}.{ending}"
+            for part in ("target_learn", "target_er", "target_er_transfer")
+            for ending in ("checkpoint.npz", "csv")
+        ),
+        "transfer.csv",
+    ),
+}
 GENOMES = Genome(*range(len(Genome._fields)))
 INDIVIDUALS = Individuals(GENOMES, 0, 0, 0, 0)
 
@@ -62,6 +77,7 @@ def evolve_stage(run: Run, workers: int) -> None:
     """Neuro-evolution on the source set: history.csv, lineage.npz, pareto.npz."""
     if run.file("pareto.npz").exists():
         return
+    _forget_after(run, "evolve")
     problem = source_problem(run, workers)
     state = _evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
     best = lineage(state.archive, best_of(state.population), run.settings.evolution.horizon)
@@ -74,6 +90,7 @@ def extract_stage(run: Run, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     if run.file("sensors.npz").exists():
         return
+    _forget_after(run, "extract")
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
@@ -86,6 +103,7 @@ def learn_stage(run: Run, workers: int) -> None:
     """Q-learning on the source set with what was extracted: qlearning.csv, qnets.npz."""
     if run.file("qnets.npz").exists():
         return
+    _forget_after(run, "learn")
     domains = task_of(run).source_domains(run.settings.source)
     networks = _learned(run, domains, "learning", run.settings.episodes, "learn", "qlearning.csv")
     files.write_npz(run.file("qnets.npz"), files.to_arrays(networks))
@@ -188,6 +206,14 @@ def read_networks(run: Run) -> QNetworks:
     """The Q-networks learned on the source set."""
     template = QNetworks(*range(len(QNetworks._fields)))
     return files.from_arrays(files.read_npz(run.file("qnets.npz")), template, run.file("qnets.npz"))
+
+
+def _forget_after(run: Run, stage: str) -> None:
+    """Remove what later stages made of an earlier result, before a stage makes it anew."""
+    names = list(FILES)
+    for later in names[names.index(stage) + 1 :]:
+        for name in FILES[later]:
+            run.file(name).unlink(missing_ok=True)
 
 
 def _problem(run: Run, domains: Domain, purpose: str, workers: int) -> Problem:
