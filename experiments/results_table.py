@@ -1,4 +1,4 @@
-"""A table per task of a results folder, one line per run, in Markdown.
+"""The tables of docs/results.md from a results folder, in Markdown: runs, control experiments, tests between those.
 
 python experiments/results_table.py RESULTS_FOLDER
 """
@@ -10,10 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from qboot.study import files
+from qboot.study import ablations, appendix, files
+from qboot.study.ablation_measures import average_performance, n_inputs, performance, steps
+from qboot.study.appendix import Table
 from qboot.study.curves import runs_below
 from qboot.study.files import RunError
+from qboot.study.report import as_number
 from qboot.study.runs import Run
+from qboot.study.statistics import quartiles
 
 # Scores whose first time is given: two of evolution, one of Q-learning.
 GOALS = {"ball_collecting": (7, 8, 6), "box_pushing": (13, 15, 13)}
@@ -63,17 +67,65 @@ def row(run: Run) -> list[str]:
     return cells + ["-"] * (len(header(run.settings.task)) - len(cells))
 
 
+def in_short(values: list[float]) -> str:
+    """Median and quartiles."""
+    lower, median, upper = quartiles(np.array(values))
+    return f"{as_number(median)} ({as_number(lower)} to {as_number(upper)})"
+
+
+def control_table(cells: dict[str, list[Run]]) -> list[list[str]]:
+    """Conditions of one control experiment, a line each: medians and quartiles over learners."""
+    measures = {
+        "final performance": performance,
+        "average performance": average_performance,
+        "steps of an episode": steps,
+        "inputs": n_inputs,
+    }
+    lines = [["condition", "learners", "episodes", *measures]]
+    lines.append(["---"] * len(lines[0]))
+    for condition, some in cells.items():
+        episodes = " or ".join(sorted({str(cell.settings.episodes) for cell in some}))
+        values = [in_short([measure(cell) for cell in some]) for measure in measures.values()]
+        lines.append([condition, str(len(some)), episodes, *values])
+    return lines
+
+
+def test_table(tables: list[Table]) -> list[list[str]]:
+    """Pairs of conditions, a line each: our test and the paper's."""
+    lines = [["measure", "after", "pair", "A12 [95 %]", "p", "paper's p"]]
+    lines.append(["---"] * len(lines[0]))
+    for table in tables:
+        for (first, second), pair in table.pairs.items():
+            if min(pair.n_cells):
+                low, high = pair.interval
+                a12 = f"{pair.comparison.a12:.2f} [{low:.2f}, {high:.2f}]"
+                printed = ", ".join(f"{value:.2g}" for value in pair.printed) or "-"
+                name = f"{first} - {second}"
+                lines.append(
+                    [table.table.title, str(table.episodes), name, a12, f"{pair.comparison.p_value:.2g}", printed]
+                )
+    return lines
+
+
+def of_study(study: Path) -> list[list[list[str]]]:
+    """All tables of a study."""
+    found = []
+    for task, group in itertools.groupby(runs_below(study), key=lambda run: run.settings.task):
+        some = list(group)
+        found.append([header(task), ["---"] * len(header(task)), *(row(run) for run in some)])
+        cells = {what: ablations.find(study, task, what) for what in ablations.WHATS}
+        found += [control_table(of_experiment) for of_experiment in cells.values() if of_experiment]
+        tests = test_table(appendix.tables(cells, some))
+        found += [tests] if len(tests) > 2 else []
+    return found
+
+
 def main() -> int:
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path, help="folder of a study")
     try:
-        tables = [
-            [header(task), ["---"] * len(header(task)), *(row(run) for run in some)]
-            for task, some in itertools.groupby(
-                runs_below(parser.parse_args().results), key=lambda run: run.settings.task
-            )
-        ]
+        tables = of_study(parser.parse_args().results)
     except RunError as error:
         print(error, file=sys.stderr)
         return 2
