@@ -166,7 +166,7 @@ def begin(study: Path, task: str, what: str, profile: str, n_runs: int, n_episod
     cells = {}
     for condition in names:
         for seed in range(n_runs):
-            folder = _folder(study, task, what) / condition / str(seed)
+            folder = folder_of(study, task, what) / condition / str(seed)
             # A cell stays with its evolved run when there are more of them later.
             known = runs.load(folder, CellSettings).settings.evolved if (folder / "config.json").exists() else None
             by_name = {run.folder.name: run for run in evolved}
@@ -198,7 +198,7 @@ def find(study: Path, task: str, what: str) -> dict[str, list[Run]]:
     """The finished cells of an experiment by condition; conditions without any are left out."""
     found = {}
     for condition in conditions(task, what):
-        folders = (_folder(study, task, what) / condition).glob("*/qlearning.csv")
+        folders = (folder_of(study, task, what) / condition).glob("*/qlearning.csv")
         by_seed = sorted(folders, key=lambda path: int(path.parent.name))
         if by_seed:
             found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
@@ -214,7 +214,8 @@ def equip(cell: Run, evolved: Run) -> None:
     files.write_npz(cell.file("sensors.npz"), {"selected": condition.sensors(cell.settings, evolved)})
 
 
-def _folder(study: Path, task: str, what: str) -> Path:
+def folder_of(study: Path, task: str, what: str) -> Path:
+    """Where the cells of an experiment are, CONDITION/SEED below it."""
     return study / "ablations" / task / what
 
 

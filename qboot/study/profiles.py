@@ -34,8 +34,8 @@ PROFILES = {
     },
     # Curves that rise, on two cores, while one has a coffee.
     "quick": {
-        "ball_collecting": Size(1, ("A", "B"), 128, 250, 4_000, 500, 800, 200, 40),
-        "box_pushing": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 10),
+        "ball_collecting": Size(1, ("A", "B"), 128, 250, 4_000, 500, 800, 200, 25),
+        "box_pushing": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 6),
     },
     # A night on a desktop.
     "standard": {
@@ -70,8 +70,8 @@ SWEEPS = {
         "box_pushing": _sweeps(2, actions=4, sensors=4, n_actions=4),
     },
     "quick": {
-        "ball_collecting": _sweeps(3, actions=120, sensors=120, n_actions=120),
-        "box_pushing": _sweeps(3, actions=120, sensors=120, n_actions=120),
+        "ball_collecting": _sweeps(3, actions=80, sensors=80, n_actions=80),
+        "box_pushing": _sweeps(3, actions=100, sensors=100, n_actions=100),
     },
     "standard": {
         "ball_collecting": _sweeps(10, actions=2_000, sensors=2_000, n_actions=2_000),

@@ -50,6 +50,7 @@ class Experiment(NamedTuple):
     episodes: tuple[int, ...]  # the different numbers that cells have, smallest first; empty without cells
     paper_episodes: int
     n_cells: tuple[int, ...]  # per condition, likewise
+    seconds: float  # wall time, 0 where it was not recorded
     tables: list[appendix.Table]
 
 
@@ -144,6 +145,7 @@ def _experiment(
         episodes=tuple(sorted({cell.settings.episodes for some in of_conditions for cell in some})),
         paper_episodes=profiles.sweep_of(task, plot.what, "paper").episodes,
         n_cells=tuple(sorted({len(some) for some in of_conditions})),
+        seconds=sum(_seconds(ablations.folder_of(study, task, plot.what)).values()),
         tables=[table for table in tables if table.table.what == plot.what],
     )
 
@@ -168,13 +170,13 @@ def _played(some: list[Run]) -> tuple[list[Player], str]:
 def _line(run: Run) -> RunLine:
     best = gather([run], lambda run: float(source_curve(run, "ER").scores.max())).found.get(run, np.nan)
     done = {stage: run.file(name).exists() for stage, name in STAGE_FILES.items()}
-    return RunLine(run, best, done, _seconds(run))
+    return RunLine(run, best, done, _seconds(run.folder))
 
 
-def _seconds(run: Run) -> dict[str, float]:
-    """Wall time by stage: the sum over its starts, from timing.csv (`stage,seconds` a line), if there is one."""
+def _seconds(folder: Path) -> dict[str, float]:
+    """Wall time by stage of a run or an experiment: sums over starts, from timing.csv (`stage,seconds` a line)."""
     total: dict[str, float] = {}
-    path = run.file("timing.csv")
+    path = folder / "timing.csv"
     for line in path.read_text().splitlines() if path.exists() else ():
         stage, _, seconds = line.partition(",")
         total[stage] = total.get(stage, 0.0) + float(seconds)

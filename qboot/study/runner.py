@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from qboot.envs import TASKS
 from qboot.study import profiles, runs
-from qboot.study.ablations import WHATS
+from qboot.study.ablations import WHATS, folder_of
 from qboot.study.files import RunError
 from qboot.study.progress import STATUS_VARIABLE
 from qboot.study.runs import RunSettings
@@ -137,7 +137,7 @@ def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_r
     def is_ready() -> bool:
         return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
 
-    return Job(f"{task} {what}", status, out / "ablations" / task / what, {"ablate": arguments}, is_ready)
+    return Job(f"{task} {what}", status, folder_of(out, task, what), {"ablate": arguments}, is_ready)
 
 
 def _do_steps(job: Job) -> str:
