@@ -67,7 +67,8 @@ def learned_behaviour(runs: list[Run]) -> Drawn:
             draw_path(panel, mover, in_force, _widths(mover))
         panel.set_title("all actions")
     for panel, action in zip(axes.flat[len(scenes) :], used, strict=False):
-        _draw_action(panel, found[0], scenes[0], action, colours[action])
+        place = int(np.argmax([(recording.actions == action).sum() for recording in found]))
+        _draw_action(panel, found[place], scenes[place], action, colours[action])
         panel.set_title(_command_text(actions, action, task_of(run).effectors), fontsize=9, fontweight="normal")
     hide_unused(axes, len(scenes) + len(used))
     entries = {f"action {action}": colour for action, colour in colours.items()}
@@ -75,8 +76,8 @@ def learned_behaviour(runs: list[Run]) -> Drawn:
     n_used = len(np.unique(np.concatenate([recording.actions for recording in found])))
     shows = (
         f"The Q-policy of {run.label}: {_told(run, found)}. In use: {n_used} of its {len(actions.durations)} actions; "
-        f"coloured: the {len(used)} most frequent. Then each of these on the first path, with its commands from its "
-        f"first step to its last. A wide line: {scenes[0].movers[0].active_label}."
+        f"coloured: the {len(used)} most frequent. Then each of these on the path where it is longest in force, with "
+        f"its commands from its first step to its last. A wide line: {scenes[0].movers[0].active_label}."
     )
     return Drawn(figure, shows, [run.label])
 
