@@ -107,16 +107,20 @@ def test_table(tables: list[Table]) -> list[list[str]]:
     return lines
 
 
-def of_study(study: Path) -> list[list[list[str]]]:
-    """All tables of a study."""
-    found = []
+def of_study(study: Path) -> dict[str, list[list[str]]]:
+    """All tables of a study by what they are about."""
+    found = {}
     for task, group in itertools.groupby(runs_below(study), key=lambda run: run.settings.task):
         some = list(group)
-        found.append([header(task), ["---"] * len(header(task)), *(row(run) for run in some)])
+        name = task.replace("_", " ").capitalize()
+        found[f"{name}: runs"] = [header(task), ["---"] * len(header(task)), *(row(run) for run in some)]
         cells = {what: ablations.find(study, task, what) for what in ablations.WHATS}
-        found += [control_table(of_experiment) for of_experiment in cells.values() if of_experiment]
+        for what, of_experiment in cells.items():
+            if of_experiment:
+                found[f"{name}: {what.replace('n_', 'number of ')}"] = control_table(of_experiment)
         tests = test_table(appendix.tables(cells, some))
-        found += [tests] if len(tests) > 2 else []
+        if len(tests) > 2:
+            found[f"{name}: tests"] = tests
     return found
 
 
@@ -129,7 +133,9 @@ def main() -> int:
     except RunError as error:
         print(error, file=sys.stderr)
         return 2
-    print("\n\n".join("\n".join(f"| {' | '.join(cells)} |" for cells in table) for table in tables))
+    for title, lines in tables.items():
+        print(f"### {title}\n")
+        print(*(f"| {' | '.join(cells)} |" for cells in lines), "", sep="\n")
     return 0
 
 

@@ -146,9 +146,9 @@ def _do_steps(job: Job) -> str:
     for step, arguments in job.steps.items():
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
-            started = time.time()
+            started, before = time.time(), _read_status(job.status)
             result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
-            if result.returncode == 0:
+            if result.returncode == 0 and _read_status(job.status) != before:
                 _note_time(job.folder, step, time.time() - started)
             if result.returncode in (0, 2, 130):
                 break
@@ -159,7 +159,7 @@ def _do_steps(job: Job) -> str:
 
 
 def _note_time(folder: Path, stage: str, seconds: float) -> None:
-    """Add a line to the run's record of wall time: one per start of a stage that did something or found it done."""
+    """Add a line to the record of wall time: one per start of a step that had something left to do."""
     with (folder / "timing.csv").open("a") as stream:
         stream.write(f"{stage},{seconds:.1f}\n")
 
