@@ -1,4 +1,4 @@
-"""The tables of docs/results.md from a results folder, in Markdown: runs, control experiments, tests between those.
+"""The tables of docs/results.md from a results folder, in Markdown: runs, learning in new domains, control experiments.
 
 python experiments/results_table.py RESULTS_FOLDER
 """
@@ -15,10 +15,13 @@ from qboot.study.ablation_measures import average_performance, n_inputs, perform
 from qboot.study.appendix import Table
 from qboot.study.curves import runs_below
 from qboot.study.files import RunError
+from qboot.study.measures import MEASURES
 from qboot.study.report import as_number
 from qboot.study.runs import Run
 from qboot.study.statistics import quartiles
 
+# What is measured of learning in new domains.
+ON_TARGET = [name for name in MEASURES if name.endswith(", target")]
 # Scores whose first time is given: two of evolution, one of Q-learning.
 GOALS = {"ball_collecting": (7, 8, 6), "box_pushing": (13, 15, 13)}
 
@@ -65,6 +68,19 @@ def row(run: Run) -> list[str]:
             values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
             cells.append(f"{sum(values):g}")
     return cells + ["-"] * (len(header(run.settings.task)) - len(cells))
+
+
+def transfer_table(some: list[Run]) -> list[list[str]]:
+    """Learning in new domains, a line for each measure and a column for each run that has it."""
+    done = [run for run in some if run.file("transfer.csv").exists()]
+    if not done:
+        return []
+    lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
+    lines.append(["---"] * len(lines[0]))
+    for name in ON_TARGET:
+        values = [float(MEASURES[name].read(run).values[0]) for run in done]
+        lines.append([name.removesuffix(", target"), *(as_number(v) if np.isfinite(v) else "-" for v in values)])
+    return lines
 
 
 def in_short(values: list[float]) -> str:
@@ -114,6 +130,8 @@ def of_study(study: Path) -> dict[str, list[list[str]]]:
         some = list(group)
         name = task.replace("_", " ").capitalize()
         found[f"{name}: runs"] = [header(task), ["---"] * len(header(task)), *(row(run) for run in some)]
+        if transferred := transfer_table(some):
+            found[f"{name}: learning in new domains"] = transferred
         cells = {what: ablations.find(study, task, what) for what in ablations.WHATS}
         for what, of_experiment in cells.items():
             if of_experiment:
