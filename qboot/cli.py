@@ -1,6 +1,7 @@
 """The command line: `qboot STAGE --task T --profile P --source S --seed N --out DIR`."""
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +41,7 @@ STAGE_HELP = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; return the exit code: 0 done, 2 bad input, 130 interrupted."""
+    """Run a command; return the exit code: 0 done, 2 bad input, 130 interrupted, 141 output cut off."""
     parser = _parser()
     arguments = sys.argv[1:] if arguments is None else arguments
     options, rest = parser.parse_known_args(arguments)
@@ -57,6 +58,9 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("qboot: interrupted; the same command goes on from the last save", file=sys.stderr)
         return 130
+    except BrokenPipeError:  # qboot evolve --help | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at the end
+        return 141
     return 0
 
 

@@ -63,3 +63,14 @@ def test_help_teaches_and_is_quick_to_import():
         [sys.executable, "-m", "qboot.cli", "evolve", "--help"], capture_output=True, text=True, check=True
     )
     assert "--evolution.population" in stage.stdout and "--seed" in stage.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere a closed pipe is another error")
+def test_a_reader_that_stops_early_is_no_error():
+    reader, writer = os.pipe()
+    os.close(reader)  # as `head` does when it has its lines
+    command = [sys.executable, "-m", "qboot.cli", "evolve", "--help"]
+    result = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert result.returncode == 141
+    assert result.stderr == ""
