@@ -16,13 +16,14 @@ SECONDS_BETWEEN_REPORTS = 0.5
 class Progress:
     """Progress of one stage; use it as a context."""
 
-    def __init__(self, label: str, total: int, done: int = 0):
-        """Progress of `label`, of which `done` of `total` are done already."""
+    def __init__(self, label: str, unit: str, total: int, done: int = 0):
+        """Progress of `label`, counted in `unit`, of which `done` of `total` are done already."""
         status = os.environ.get(STATUS_VARIABLE)
         self._status = Path(status) if status else None
         self._label, self._total = label, total
         self._reported = 0.0
-        self._bar = None if status else tqdm(total=total, initial=done, desc=label, unit="", dynamic_ncols=True)
+        look = {"desc": label, "unit": f" {unit}", "dynamic_ncols": True}
+        self._bar = None if status else tqdm(total=total, initial=done, **look)
 
     def __enter__(self) -> "Progress":
         return self

@@ -161,7 +161,7 @@ def replayed(run: Run, workers: int) -> list[Trace]:
         RunError: if it does not reach the scores that it was saved with.
     """
     ancestors = read_lineage(run)
-    with Progress(f"extract {run.label}", len(ancestors.ids)) as progress:
+    with Progress(f"extract {run.label}", "network", len(ancestors.ids)) as progress:
         flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
     if not np.array_equal(scores, ancestors.scores):
         raise RunError(
@@ -249,7 +249,7 @@ def _evolved(
         history = {field: [value] for field, value in info._asdict().items()}
     saved = time.monotonic()
     top = problem.task.max_score_per_domain * len(jax.tree.leaves(problem.domains)[0])
-    with Progress(f"{name} {run.label}", generations, state.generation) as progress:
+    with Progress(f"{name} {run.label}", "generation", generations, state.generation) as progress:
         while state.generation < generations:
             state, info = evolve.step(problem, state)
             for field, value in info._asdict().items():
@@ -294,7 +294,7 @@ def _learned(
     progressing = learning.begin(state, checkpoint)
     done = int(progressing.state.episode)
     saved = time.monotonic()
-    with Progress(f"{name} {run.label}", n_episodes, done) as progress:
+    with Progress(f"{name} {run.label}", "episode", n_episodes, done) as progress:
         for size in learning.call_sizes(done, n_episodes):
             state, info = learner.learn(progressing.state, task, domains, actions, inputs, settings, size)
             progressing = learning.after(progressing, state, info)

@@ -49,15 +49,16 @@ def learn_cells(cells: dict[Run, Run], workers: int) -> None:
         workers: programs at a time, >= 1; they do not change results.
     """
     first = next(iter(cells)).settings
-    with Progress(f"ablate {first.task} {first.what}", len(cells) * first.episodes) as progress:
-        for cell, evolved in cells.items():
-            ablations.equip(cell, evolved)
-        shape = shape_of(list(cells))
-        pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
-        started = {cell: _begin(cell, shape) for cell in pending}
-        done = {cell: first.episodes for cell in cells} | {
-            cell: len(begun.history["episode"]) for cell, begun in started.items()
-        }
+    for cell, evolved in cells.items():
+        ablations.equip(cell, evolved)
+    shape = shape_of(list(cells))
+    pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
+    started = {cell: _begin(cell, shape) for cell in pending}
+    done = {cell: first.episodes for cell in cells} | {
+        cell: len(begun.history["episode"]) for cell, begun in started.items()
+    }
+    total = len(cells) * first.episodes
+    with Progress(f"ablate {first.task} {first.what}", "episode", total, sum(done.values())) as progress:
 
         def report(cell: Run, episode: int) -> None:
             done[cell] = episode
