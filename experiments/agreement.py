@@ -20,13 +20,13 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from qboot.envs.box_pushing import PHYSICS, task
+from qboot.envs.box_pushing.dynamics import PHYSICS, task
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.behaviour import FLOW
 from qboot.neuroevolution.dnn import Genome, Topology
-from qboot.study import runs
-from qboot.study.files import RunError
-from qboot.study.stages import read_lineage
+from qboot.study.pipeline.stages import read_lineage
+from qboot.study.store import runs
+from qboot.study.store.files import RunError
 
 
 def tests(physics: str, genomes: Genome, topology: Topology, seed: int) -> evaluation.Evaluation:

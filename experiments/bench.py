@@ -29,8 +29,8 @@ from qboot.neuroevolution.dnn import Topology
 from qboot.neuroevolution.evolve import EvolutionSettings, Problem
 from qboot.qlearning import learner
 from qboot.qlearning.inputs import input_set
-from qboot.study.profiles import LANES, LEARNERS
-from qboot.study.sweep import Lane, learn_lanes
+from qboot.study.controls.sweep import Lane, learn_lanes
+from qboot.study.pipeline.profiles import LANES, LEARNERS
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
 REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from qboot.study import files, runs
-from qboot.study.files import RunError
-from qboot.study.runs import Run, RunSettings
-from qboot.study.stages import STAGES
+from qboot.study.pipeline.stages import STAGES
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run, RunSettings
 
 # Room of the settings, setting, value; the first line changes nothing.
 VARIANTS = (

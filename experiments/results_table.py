@@ -10,15 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from qboot.study import ablations, appendix, files
-from qboot.study.ablation_measures import average_performance, n_inputs, performance, steps
-from qboot.study.appendix import Table
-from qboot.study.curves import runs_below
-from qboot.study.files import RunError
-from qboot.study.measures import MEASURES
-from qboot.study.report import as_number
-from qboot.study.runs import Run
-from qboot.study.statistics import quartiles
+from qboot.study.analysis import appendix
+from qboot.study.analysis.appendix import Table
+from qboot.study.analysis.control_measures import average_performance, n_inputs, performance, steps
+from qboot.study.analysis.curves import runs_below
+from qboot.study.analysis.measures import MEASURES
+from qboot.study.analysis.statistics import quartiles
+from qboot.study.controls import conditions as ablations
+from qboot.study.report.page import as_number
+from qboot.study.store import files
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
 
 # What is measured of learning in new domains.
 ON_TARGET = [name for name in MEASURES if name.endswith(", target")]

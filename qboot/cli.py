@@ -46,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     options, rest = parser.parse_known_args(arguments)
     # Libraries are imported late, so that help is quick.
-    from qboot.study.files import RunError
+    from qboot.study.store.files import RunError
 
     try:
         if rest and options.command not in STAGE_HELP:
@@ -110,8 +110,8 @@ def _stage(options: argparse.Namespace, rest: list[str]) -> None:
     if options.help:
         _show_help(options)
         return
-    from qboot.study import runs
-    from qboot.study.stages import STAGES
+    from qboot.study.pipeline.stages import STAGES
+    from qboot.study.store import runs
 
     if options.workers < 1:
         raise ValueError(f"--workers is {options.workers}: at least 1 thread is needed")
@@ -136,7 +136,7 @@ def _settings(options: argparse.Namespace, rest: list[str]):
     """Settings of a new run: the profile's, changed by what else was said on the command line."""
     import tyro
 
-    from qboot.study import profiles
+    from qboot.study.pipeline import profiles
 
     values = options.task, options.profile or "quick", options.source or "A", options.seed or 0
     settings = profiles.settings_of(*values)
@@ -154,7 +154,9 @@ def _show_help(options: argparse.Namespace) -> None:
 
 
 def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study import ablations, profiles, sweep
+    from qboot.study.controls import conditions as ablations
+    from qboot.study.controls import sweep
+    from qboot.study.pipeline import profiles
 
     if options.workers < 1:
         raise ValueError(f"--workers is {options.workers}: at least 1 thread is needed")
@@ -169,19 +171,21 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
 
 
 def _replay(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study import replay, runs
+    from qboot.study.report import player as replay
+    from qboot.study.store import runs
 
     print(replay.write(runs.load(options.out)))
 
 
 def _report(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study import report
+    from qboot.study.report import page as report
 
     print(report.write(options.out))
 
 
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study import report, runner
+    from qboot.study import runner
+    from qboot.study.report import page as report
 
     out = options.out or Path("results") / options.profile
     runner.share_compiled_programs(out)

@@ -4,9 +4,12 @@ import shutil
 
 import pytest
 
-from qboot.study import ablations, profiles, runs, sweep
-from qboot.study.profiles import Size
-from qboot.study.stages import STAGES
+from qboot.study.controls import conditions as ablations
+from qboot.study.controls import sweep
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.profiles import Size
+from qboot.study.pipeline.stages import STAGES
+from qboot.study.store import runs
 
 TINY = Size(1, ("A",), 8, 3, 120, 4, 3, 2, 1)
 

@@ -13,9 +13,12 @@ from qboot.envs import TASKS
 from qboot.extraction import baselines
 from qboot.qlearning import learner
 from qboot.qlearning.inputs import input_set
-from qboot.study import ablations, files, learning, runs, stages, sweep
-from qboot.study.ablations import CellSettings
-from qboot.study.files import RunError
+from qboot.study.controls import conditions as ablations
+from qboot.study.controls import sweep
+from qboot.study.controls.conditions import CellSettings
+from qboot.study.pipeline import learning, stages
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
 
 
 def digests(folder):

@@ -8,15 +8,20 @@ import numpy as np
 import pytest
 from conftest import tiny_settings
 
-from qboot.study import figures, files, measures, paper, profiles, recordings, replay, report, runs, sizes, verdicts
-from qboot.study.curves import Curve, moving_mean
-from qboot.study.files import RunError
-from qboot.study.measures import Sample
-from qboot.study.paper import Result
-from qboot.study.runs import Run
-from qboot.study.stages import read_lineage, task_of
-from qboot.study.statistics import Comparison
-from qboot.study.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NOT_COMPARABLE
+from qboot.study.analysis import measures, paper, recordings, sizes, verdicts
+from qboot.study.analysis.curves import Curve, moving_mean
+from qboot.study.analysis.measures import Sample
+from qboot.study.analysis.paper import Result
+from qboot.study.analysis.statistics import Comparison
+from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NOT_COMPARABLE
+from qboot.study.figures import catalogue as figures
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.stages import read_lineage, task_of
+from qboot.study.report import page as report
+from qboot.study.report import player as replay
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
 
 REACHED = (150, 198, 287, 586, 700)  # generations; their quartiles are the paper's
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from qboot.study import runner
-from qboot.study.files import RunError
-from qboot.study.progress import STATUS_VARIABLE
+from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.runner import Job
+from qboot.study.store.files import RunError
 
 
 def job(label, **changed):

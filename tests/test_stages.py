@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from conftest import TINY, tiny_settings
 
-from qboot.study import files, learning, runs, stages
-from qboot.study.files import RunError
-from qboot.study.stages import STAGES
+from qboot.study.pipeline import learning, stages
+from qboot.study.pipeline.stages import STAGES
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
 
 CONTRACT = {
     "config.json", "history.csv", "lineage.npz", "pareto.npz", "actions.npz", "sensors.npz", "qlearning.csv",

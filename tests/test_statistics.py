@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from qboot.study import statistics
+from qboot.study.analysis import statistics
 
 
 def test_quartiles_of_finite_values_are_numpys():

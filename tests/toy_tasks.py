@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Task
+from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSet
 from qboot.qlearning import LearnerSettings, input_set
 

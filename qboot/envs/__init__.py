@@ -1,9 +1,10 @@
 """Robot tasks: pure functions behind one `Task` interface, and the same as Brax environments."""
 
-from qboot.envs import ball_collecting, box_pushing
-from qboot.envs.ball_collecting import BallCollecting
-from qboot.envs.box_pushing import BoxPushing
-from qboot.envs.types import Task
+from qboot.envs.ball_collecting import dynamics as ball_collecting
+from qboot.envs.ball_collecting.dynamics import BallCollecting
+from qboot.envs.box_pushing import dynamics as box_pushing
+from qboot.envs.box_pushing.dynamics import BoxPushing
+from qboot.envs.task import Task
 
 TASKS = {task.name: task for task in (ball_collecting.TASK, box_pushing.task())}
 # The physics that a task can run on, the one of record first.

@@ -6,7 +6,7 @@ import io
 import jax
 import jax.numpy as jnp
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.task import Domain, Task
 
 # Brax loads MJX, which tells on stdout what optional packages it lacks. Stdout belongs to the programs.
 with contextlib.redirect_stdout(io.StringIO()):

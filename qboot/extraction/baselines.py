@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from qboot.envs import TASKS, arm
+from qboot.envs import TASKS
+from qboot.envs.box_pushing import arm
 from qboot.extraction.actions import ActionSet
 
 # Durations of random actions: shortest and longest, in steps.

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from qboot.envs.types import Domain, Task, TaskState
+from qboot.envs.task import Domain, Task, TaskState
 
 ENTROPY_BINS = 9  # appendix B, entropy discretization
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Domain, Task, TaskState
+from qboot.envs.task import Domain, Task, TaskState
 from qboot.neuroevolution import dnn
 from qboot.neuroevolution.behaviour import Moment, Recorder
 from qboot.neuroevolution.dnn import Genome, Network, Topology

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.task import Domain, Task
 from qboot.neuroevolution import dnn, evaluation, nsga2, variation
 from qboot.neuroevolution.behaviour import RECORDERS
 from qboot.neuroevolution.diversity import DIVERSITIES

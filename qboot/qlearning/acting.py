@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.task import Domain, Task
 from qboot.extraction.actions import ActionSet
 from qboot.qlearning import replay
 from qboot.qlearning.inputs import InputSet, read_inputs

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.task import Domain, Task
 from qboot.extraction.actions import ActionSet
 from qboot.qlearning.acting import epsilon, run_test
 from qboot.qlearning.inputs import InputSet

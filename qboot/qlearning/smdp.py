@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from qboot.envs.types import Domain, Task
+from qboot.envs.task import Domain, Task
 from qboot.extraction.actions import ActionSet, commands
 from qboot.qlearning.inputs import first_history, remember
 from qboot.qlearning.settings import LearnerSettings

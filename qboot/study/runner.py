@@ -17,11 +17,12 @@ import jax
 from tqdm import tqdm
 
 from qboot.envs import TASKS
-from qboot.study import profiles, runs
-from qboot.study.ablations import WHATS, folder_of
-from qboot.study.files import RunError
-from qboot.study.progress import STATUS_VARIABLE
-from qboot.study.runs import RunSettings
+from qboot.study.controls.conditions import WHATS, folder_of
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.progress import STATUS_VARIABLE
+from qboot.study.store import runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import RunSettings
 
 STAGES = ("evolve", "extract", "learn", "transfer")
 # A stage that fails is run once more: it may have been killed for memory.

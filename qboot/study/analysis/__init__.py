@@ -1,0 +1,1 @@
+"""What runs gave: curves, measures, statistics, and verdicts beside what a paper printed."""

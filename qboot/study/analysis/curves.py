@@ -1,0 +1,124 @@
+"""What runs scored: learning curves and scores in new domains, read from their folders.
+
+`METHODS` are ER (evolution, the paper's "evolutionary robotics"), QL (Q-learning with what was extracted) and
+ER+transfer (evolution from the source's Pareto front).
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from qboot.study.pipeline.stages import task_of
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
+
+METHODS = ("QL", "ER", "ER+transfer")
+# File and columns of a method's learning on the source set.
+_SOURCE = {"ER": ("history.csv", "episodes", "best"), "QL": ("qlearning.csv", "episode", "score")}
+
+
+class Curve(NamedTuple):
+    """Scores of one run as it learns."""
+
+    episodes: np.ndarray  # (K,) policies evaluated so far, increasing
+    scores: np.ndarray  # (K,) best of the population (ER), or score of the episode (QL)
+
+
+class Gathered(NamedTuple):
+    """Something read from several runs."""
+
+    found: dict[Run, Any]  # the values
+    missing: dict[Run, str]  # why there is none
+
+
+def runs_below(folder: Path) -> list[Run]:
+    """All runs of a study, or the one run that `folder` is.
+
+    Raises:
+        RunError: if there is none.
+    """
+    if (folder / "config.json").exists():
+        return [runs.load(folder)]
+    found = runs.find(folder)
+    if not found:
+        raise RunError(
+            f"no runs below {folder}: give the folder of a study (FOLDER/TASK/SOURCE-SEED/config.json) or of a run"
+        )
+    return found
+
+
+def gather(some: list[Run], read: Callable[[Run], Any]) -> Gathered:
+    """Call `read` on each run; runs that lack what it needs are told apart."""
+    found, missing = {}, {}
+    for run in some:
+        try:
+            found[run] = read(run)
+        except RunError as error:
+            missing[run] = str(error)
+    return Gathered(found, missing)
+
+
+def columns(run: Run, file: str, *names: str) -> list[np.ndarray]:
+    """Columns (K,) of a CSV file of a run: numbers, or text where they are none.
+
+    Raises:
+        RunError: if the file or a column is missing, or has no rows.
+    """
+    found = files.read_csv(run.file(file))
+    for name in names:
+        if not found.get(name):
+            raise RunError(f"{run.file(file)} has no values {name!r}: delete it and run the stage that makes it again")
+    return [_parsed(found[name]) for name in names]
+
+
+def source_curve(run: Run, method: str) -> Curve:
+    """Learning on the source set by "ER" or "QL" (figures 6 and 14)."""
+    return Curve(*columns(run, *_SOURCE[method]))
+
+
+def target_curve(run: Run, method: str) -> Curve:
+    """Learning on the target set by one of METHODS (figures 9 and 16)."""
+    methods, episodes, scores = columns(run, "transfer.csv", "method", "episodes", "score")
+    rows = methods == method
+    if not rows.any():
+        raise RunError(f"{run.file('transfer.csv')} has no rows of {method}: delete it and run transfer again")
+    return Curve(episodes[rows], scores[rows])
+
+
+def generalisation(run: Run, method: str) -> float:
+    """Score on the target set without learning there, summed over its domains, of "ER" or "QL" (figures 8 and 15)."""
+    methods, scores = columns(run, "generalisation.csv", "method", "score")
+    return float(scores[methods == method].sum())
+
+
+def top_score(run: Run, domains: str) -> float:
+    """The greatest score possible on the "source" or "target" set of a run."""
+    task = task_of(run)
+    some = {"source": task.source_domains, "target": task.target_domains}[domains](run.settings.source)
+    return float(task.max_score_per_domain * len(jax.tree.leaves(some)[0]))
+
+
+def moving_mean(curve: Curve, window: int) -> Curve:
+    """Scores as means over the last `window` entries; over all that there are at the start."""
+    sums = np.concatenate([[0.0], np.cumsum(curve.scores)])
+    ends = np.arange(1, len(curve.scores) + 1)
+    starts = np.maximum(ends - window, 0)
+    return Curve(curve.episodes, (sums[ends] - sums[starts]) / (ends - starts))
+
+
+def common_grid(curves: list[Curve], points: int = 400) -> np.ndarray:
+    """Episodes (G,), evenly spaced in their logarithm, from the earliest entry to where the shortest curve ends."""
+    first = min(curve.episodes[0] for curve in curves)
+    last = min(curve.episodes[-1] for curve in curves)
+    return np.unique(np.rint(np.geomspace(first, max(first, last), points)))
+
+
+def _parsed(values: list[str]) -> np.ndarray:
+    try:
+        return np.array(values, float)
+    except ValueError:
+        return np.array(values)

@@ -1,0 +1,1 @@
+"""The control experiments (section VII): their conditions, and many learners side by side."""

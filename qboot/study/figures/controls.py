@@ -1,0 +1,123 @@
+"""Figures of the control experiments (17, 18, 19), each from the cells of one task by condition."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from qboot.study.analysis.control_measures import (
+    average_performance,
+    n_inputs,
+    performance,
+    performance_curve,
+    steps_curve,
+)
+from qboot.study.analysis.curves import Curve, common_grid, top_score
+from qboot.study.analysis.measures import WINDOW
+from qboot.study.analysis.statistics import median_and_quartiles, quartiles
+from qboot.study.figures.drawing import Drawn, new_figure
+from qboot.study.figures.scenes import BLUE, GREEN, GREY, RED
+from qboot.study.store.runs import Run
+
+Cells = dict[str, list[Run]]
+COLOURS = (RED, GREEN, BLUE, "#e69f00", "#7f4fa3")
+
+
+def learning_by_actions(cells: Cells) -> Drawn:
+    """Figure 17: scores against episodes with each set of actions; for the arm, whose tests end early, steps too."""
+    ends_early = _first(cells).settings.task == "box_pushing"
+    figure, axes = new_figure(1 + ends_early, 1, 7.5, 4.2 + 2.6 * ends_early, sharex=True)
+    medians = _draw_curves(axes[0, 0], cells, performance_curve)
+    _score_axis(axes[0, 0], cells)
+    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=len(cells))
+    if ends_early:
+        _draw_curves(axes[1, 0], cells, steps_curve)
+        axes[1, 0].set(ylabel="steps of an episode")
+        axes[1, 0].grid(axis="y")
+    axes[-1, 0].set(xlabel="episodes")
+    ends = "; ".join(f"{name} {median:.3g}" for name, median in medians.items())
+    shows = (
+        f"Median at the end: {ends}. Bands reach from the lower to the upper quartile; a curve is the mean of the last "
+        f"{WINDOW} episodes."
+    )
+    return Drawn(figure, shows, _labels(cells))
+
+
+def performance_by_sensors(cells: Cells) -> Drawn:
+    """Figure 18: final performance, and the number of inputs below it, with each choice of sensors."""
+    figure, axes = new_figure(2, 1, 7.5, 6.0, sharex=True)
+    _draw_boxes(axes[0, 0], cells, performance)
+    _score_axis(axes[0, 0], cells, "final performance")
+    _draw_boxes(axes[1, 0], cells, n_inputs)
+    axes[1, 0].set(ylabel="inputs of the Q-networks", ylim=(0, None))
+    axes[1, 0].set_xticks(range(1, len(cells) + 1), list(cells))
+    ends = "; ".join(
+        f"{name} {np.median(_values(some, performance)):.3g} with {np.median(_values(some, n_inputs)):.0f} inputs"
+        for name, some in cells.items()
+    )
+    return Drawn(figure, f"Medians: {ends}. A dot is a learner.", _labels(cells))
+
+
+def performance_by_n_actions(cells: Cells) -> Drawn:
+    """Figure 19: final and average performance against the number of actions."""
+    figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
+    numbers = [int(name) for name in cells]
+    for (label, measure), colour in zip(
+        (("final performance", performance), ("average performance", average_performance)), (RED, BLUE), strict=True
+    ):
+        found = [quartiles(_values(some, measure)) for some in cells.values()]
+        axes.plot(numbers, [each.median for each in found], "o-", color=colour, markersize=4, label=label)
+        bounds = [each.lower for each in found], [each.upper for each in found]
+        axes.fill_between(numbers, *bounds, color=colour, alpha=0.2, linewidth=0)
+    _score_axis(axes, cells)
+    axes.set(xlabel="number of actions", xticks=numbers)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
+    ends = "; ".join(
+        f"{name} actions {np.median(_values(some, performance)):.3g} "
+        f"(average {np.median(_values(some, average_performance)):.3g})"
+        for name, some in cells.items()
+    )
+    return Drawn(figure, f"Median of the final performance: {ends}. Bands are quartiles.", _labels(cells))
+
+
+def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run], Curve]) -> dict[str, float]:
+    """Draw median and quartiles of each condition; return the medians at the end."""
+    medians = {}
+    for colour, (name, some) in zip(COLOURS, cells.items(), strict=False):
+        curves = [read(cell) for cell in some]
+        grid = common_grid(curves)
+        found = median_and_quartiles(curves, grid)
+        axes.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.2, linewidth=0)
+        axes.plot(grid, found.median, color=colour, linewidth=2, label=f"{name}, n = {len(some)}")
+        medians[name] = float(found.median[-1])
+    return medians
+
+
+def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run], float]) -> None:
+    values = [_values(some, measure) for some in cells.values()]
+    boxes = axes.boxplot(values, widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"})
+    for place, (box, colour) in enumerate(zip(boxes["boxes"], COLOURS, strict=False), start=1):
+        box.set(facecolor=colour, alpha=0.35)
+        found = values[place - 1]
+        # Side by side, so that equal values can be counted.
+        offsets = np.linspace(-0.15, 0.15, len(found)) if len(found) > 1 else np.zeros(1)
+        axes.plot(place + offsets, found, "o", color=colour, markersize=4, alpha=0.8)
+
+
+def _score_axis(axes: Axes, cells: Cells, label: str = "score") -> None:
+    top = top_score(_first(cells), "source")
+    axes.axhline(top, color=GREY, linestyle=":", linewidth=1)
+    axes.set(ylim=(-0.03 * top, 1.06 * top), ylabel=f"{label}, of {top:.0f}")
+    axes.grid(axis="y")
+
+
+def _first(cells: Cells) -> Run:
+    return next(iter(cells.values()))[0]
+
+
+def _values(some: list[Run], measure: Callable[[Run], float]) -> np.ndarray:
+    return np.array([measure(cell) for cell in some])
+
+
+def _labels(cells: Cells) -> list[str]:
+    return [f"{name}-{cell.settings.seed}" for name, some in cells.items() for cell in some]

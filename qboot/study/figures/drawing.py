@@ -1,0 +1,86 @@
+"""Drawing on matplotlib: the look of all figures, scenes and the paths in them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch, Rectangle
+
+from qboot.study.figures.scenes import BLUE, GREEN, GREY, RED, Scene, Shape
+
+METHOD_COLOURS = {"QL": RED, "ER": BLUE, "ER+transfer": GREEN}
+METHOD_LABELS = {"QL": "Q-learning", "ER": "ER (evolution)", "ER+transfer": "ER + transfer"}
+STYLE = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "grid.color": "#dddddd",
+    "legend.frameon": False,
+}
+
+
+class Drawn(NamedTuple):
+    """A figure and what it shows."""
+
+    figure: Figure
+    shows: str  # in a sentence or two, with our numbers
+    runs: list[str]  # labels of the runs that it was drawn from
+
+
+def new_figure(rows: int, columns: int, width: float, height: float, **options) -> tuple[Figure, np.ndarray]:
+    """A figure of `width` x `height` inches and its axes (rows, columns)."""
+    figure = Figure((width, height), layout="compressed")  # panels of equal aspect stay close
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def draw_scene(axes: Axes, scene: Scene, frame: int = 0) -> None:
+    """Draw all shapes of a scene at one frame; what is not visible there is drawn hollow."""
+    axes.set(xlim=(scene.left, scene.right), ylim=(scene.bottom, scene.top), aspect="equal", xticks=[], yticks=[])
+    for side in axes.spines.values():
+        side.set_visible(True)
+    for shape in scene.shapes:
+        _draw_shape(axes, shape, frame)
+
+
+def draw_path(axes: Axes, shape: Shape, colours: list[str] | str, widths: float | np.ndarray = 1.2) -> None:
+    """Draw where a shape went; `colours` and `widths` are one for all or one for each of its F - 1 steps."""
+    points = np.column_stack([shape.x, shape.y])
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    axes.add_collection(LineCollection(segments, colors=colours, linewidths=widths, capstyle="round", zorder=3))
+
+
+def legend_patches(entries: dict[str, str]) -> list[Patch]:
+    """Legend entries, label to colour."""
+    return [Patch(color=colour, label=label) for label, colour in entries.items()]
+
+
+def hide_unused(axes: np.ndarray, used: int) -> None:
+    """Hide the axes after the first `used`."""
+    for unused in axes.flat[used:]:
+        unused.set_visible(False)
+
+
+def _draw_shape(axes: Axes, shape: Shape, frame: int) -> None:
+    def at(values: np.ndarray) -> float:
+        return values[frame if len(values) > 1 else 0]
+
+    x, y = float(at(shape.x)), float(at(shape.y))
+    colour = shape.active_colour if shape.active is not None and at(shape.active) else shape.colour
+    is_hollow = shape.visible is not None and not at(shape.visible)
+    look = {"facecolor": "none" if is_hollow else colour, "edgecolor": colour if is_hollow else GREY}
+    look |= {"linewidth": 1.2 if is_hollow else 0.5, "zorder": 2}
+    if shape.half_height is None:
+        axes.add_patch(Circle((x, y), shape.half_width, **look))
+    else:
+        corner = x - shape.half_width, y - shape.half_height
+        axes.add_patch(Rectangle(corner, 2 * shape.half_width, 2 * shape.half_height, **look))
+    if shape.heading is not None:
+        ahead = float(at(shape.heading))
+        length = 1.6 * shape.half_width
+        axes.plot(
+            [x, x + length * np.cos(ahead)], [y, y + length * np.sin(ahead)], color="black", linewidth=1.5, zorder=4
+        )

@@ -1,0 +1,104 @@
+"""Figures of scores: learning on the source set (6, 14), generalisation (8, 15), learning on the target set (9, 16)."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+from qboot.study.analysis.curves import (
+    METHODS,
+    Curve,
+    common_grid,
+    gather,
+    generalisation,
+    moving_mean,
+    source_curve,
+    target_curve,
+    top_score,
+)
+from qboot.study.analysis.measures import WINDOW
+from qboot.study.analysis.statistics import mann_whitney, median_and_quartiles
+from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
+from qboot.study.figures.scenes import GREY
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
+
+
+def learning_on_source(runs: list[Run]) -> Drawn:
+    """Figures 6 and 14: scores of ER and of Q-learning on the source set, against episodes."""
+    return _learning(runs, ("QL", "ER"), source_curve, "source")
+
+
+def learning_on_target(runs: list[Run]) -> Drawn:
+    """Figures 9 and 16: scores of Q-learning, ER and ER + transfer on the target set, against episodes."""
+    return _learning(runs, METHODS, target_curve, "target")
+
+
+def generalising(runs: list[Run]) -> Drawn:
+    """Figures 8 and 15: scores on the target set without learning there, a box per method."""
+    found = gather(runs, lambda run: [generalisation(run, method) for method in ("ER", "QL")]).found
+    if not found:
+        raise RunError("no run has generalisation.csv: run the stage transfer")
+    evolved, learned = np.array(list(found.values())).T
+    figure, [[axes]] = new_figure(1, 1, 5.0, 4.0)
+    boxes = axes.boxplot(
+        [evolved, learned], widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"}
+    )
+    for place, (method, values) in enumerate({"ER": evolved, "QL": learned}.items(), start=1):
+        boxes["boxes"][place - 1].set(facecolor=METHOD_COLOURS[method], alpha=0.35)
+        # Side by side, so that equal scores can be counted.
+        offsets = np.linspace(-0.15, 0.15, len(values)) if len(values) > 1 else np.zeros(1)
+        axes.plot(place + offsets, values, "o", color=METHOD_COLOURS[method], markersize=4, alpha=0.8)
+    top = top_score(runs[0], "target")
+    axes.set_xticks([1, 2], [METHOD_LABELS["ER"], METHOD_LABELS["QL"]])
+    axes.set(ylim=(-0.04 * top, 1.04 * top), ylabel=f"score on the target set, of {top:.0f}")
+    comparison = mann_whitney(learned, evolved)
+    axes.set_title(f"Mann-Whitney p = {comparison.p_value:.3g}, A12 = {comparison.a12:.2f}, n = {len(evolved)}")
+    shows = (
+        f"Medians of {np.median(learned):g} (Q-learning) and {np.median(evolved):g} (ER) of {top:.0f}, "
+        f"p = {comparison.p_value:.3g}; a Q-policy scores higher than a network with probability "
+        f"{comparison.a12:.2f} (A12, ties half). A dot is a run."
+    )
+    return Drawn(figure, shows, [run.label for run in found])
+
+
+def _learning(runs: list[Run], methods: tuple[str, ...], read: Callable[[Run, str], Curve], which: str) -> Drawn:
+    curves = {method: gather(runs, lambda run, method=method: read(run, method)).found for method in methods}
+    curves = {method: found for method, found in curves.items() if found}
+    if not curves:
+        raise RunError(f"no run has learned on the {which} set: run the stages")
+    top = top_score(runs[0], which)
+    figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
+    ends = []
+    for method, found in curves.items():
+        end = _draw_method(axes, method, list(found.values()))
+        ends.append(f"{METHOD_LABELS[method]} {end[1]:.3g} after {end[0]:,.0f} episodes")
+    axes.axhline(top, color=GREY, linestyle=":", linewidth=1)
+    axes.text(
+        0.01, top, f"top score {top:.0f}", transform=axes.get_yaxis_transform(), va="bottom", color=GREY, fontsize=9
+    )
+    axes.set(xscale="log", xlabel="episodes", ylabel=f"score on the {which} set", ylim=(-0.03 * top, 1.12 * top))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=len(curves))
+    shows = (
+        f"Median at the end: {'; '.join(ends)}. Bands reach from the lower to the upper quartile over runs. ER is the "
+        f"best of the population; Q-learning is the mean of the last {WINDOW} episodes, thin the median of single ones."
+    )
+    drawn = dict.fromkeys(run for found in curves.values() for run in found)
+    return Drawn(figure, shows, [run.label for run in drawn])
+
+
+def _draw_method(axes: Axes, method: str, curves: list[Curve]) -> tuple[float, float]:
+    """Draw the median and quartiles over runs of one method; the last episode and the median there."""
+    colour, grid = METHOD_COLOURS[method], common_grid(curves)
+    if method == "QL":
+        axes.plot(grid, median_and_quartiles(curves, grid).median, color=colour, linewidth=0.6, alpha=0.4)
+        curves = [moving_mean(curve, WINDOW) for curve in curves]
+    over_runs = median_and_quartiles(curves, grid)
+    axes.fill_between(grid, over_runs.lower, over_runs.upper, color=colour, alpha=0.2, linewidth=0)
+    label = f"{METHOD_LABELS[method]}, n = {len(curves)}"
+    axes.plot(grid, over_runs.median, color=colour, linewidth=2, label=label)
+    return float(grid[-1]), float(over_runs.median[-1])

@@ -1,0 +1,1 @@
+"""The report: one page on a study, with players of recorded rollouts."""

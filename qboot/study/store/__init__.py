@@ -1,0 +1,1 @@
+"""What a study stores: files, run folders and what they hold."""
