@@ -1,27 +1,34 @@
 """Robot tasks: pure functions behind one `Task` interface, and the same as Brax environments."""
 
-from qboot.envs.ball_collecting import dynamics as ball_collecting
-from qboot.envs.ball_collecting.dynamics import BallCollecting
-from qboot.envs.box_pushing import dynamics as box_pushing
-from qboot.envs.box_pushing.dynamics import BoxPushing
-from qboot.envs.task import Task
+from typing import TYPE_CHECKING, Any
 
-TASKS = {task.name: task for task in (ball_collecting.TASK, box_pushing.task())}
-# The physics that a task can run on, the one of record first.
-PHYSICS = {"ball_collecting": ("fastsim",), "box_pushing": tuple(box_pushing.PHYSICS)}
+from qboot.envs.registry import get_task, names, register
+from qboot.envs.task import Domain, Expert, Task, TaskState, View
+
+if TYPE_CHECKING:
+    from qboot.envs.ball_collecting import BallCollecting
+    from qboot.envs.box_pushing import BoxPushing
+
+# A task's folder knows the rooms that use tasks, so it is imported when it is asked for.
+_LATER = {"BallCollecting": "qboot.envs.ball_collecting", "BoxPushing": "qboot.envs.box_pushing"}
+
+__all__ = [
+    "BallCollecting",
+    "BoxPushing",
+    "Domain",
+    "Expert",
+    "Task",
+    "TaskState",
+    "View",
+    "get_task",
+    "names",
+    "register",
+]
 
 
-def make_task(name: str, physics: str) -> Task:
-    """A task on one of its physics.
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        import importlib
 
-    Raises:
-        ValueError: for an unknown task, or a physics that the task does not have.
-    """
-    if name not in TASKS:
-        raise ValueError(f"unknown task {name!r}: choose one of {', '.join(TASKS)}")
-    if physics not in PHYSICS[name]:
-        raise ValueError(f"unknown physics {physics!r} of {name}: choose one of {', '.join(PHYSICS[name])}")
-    return box_pushing.task(physics) if name == "box_pushing" else TASKS[name]
-
-
-__all__ = ["PHYSICS", "TASKS", "BallCollecting", "BoxPushing", "Task", "make_task"]
+        return getattr(importlib.import_module(_LATER[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

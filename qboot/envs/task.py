@@ -1,26 +1,59 @@
 """What the method needs to know of a robot task.
 
-Everything after the environments (evolution, extraction, Q-learning) talks to a task through this one tuple of pure
-functions and numbers. A task of your own is one more `Task`; the Brax `Env` classes wrap the same functions.
+Everything after the environments (evolution, extraction, Q-learning, the study) talks to a task through this one tuple
+of pure functions and numbers; the Brax `Env` classes wrap the same functions. A task of your own is one more `Task`;
+what it leaves out, the study does without.
 
-Shape letters used everywhere: B controllers, D domains, T steps, S sensors, E effectors.
+Shape letters used everywhere: B controllers, D domains, T steps, S sensors, E effectors, F frames of a recording.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import jax
+
+if TYPE_CHECKING:  # a task's optional parts speak of rooms that know the task
+    from matplotlib.figure import Figure
+
+    from qboot.envs.scene import Scene
+    from qboot.extraction.actions import ActionSet
+    from qboot.study.analysis.printed import Paper
+    from qboot.study.pipeline.profiles import Defaults
 
 
 class TaskState(Protocol):
     """The fields that every task's state must have; a task adds its own."""
 
-    observation: jax.Array  # (S,) sensors in [0, 1]
-    reward: jax.Array  # () reward of the last step
-    done: jax.Array  # () bool; a done state is absorbing: stepping it changes nothing and rewards nothing
+    @property
+    def observation(self) -> jax.Array:
+        """Sensors (S,) in [0, 1]."""
+
+    @property
+    def reward(self) -> jax.Array:
+        """Reward () of the last step."""
+
+    @property
+    def done(self) -> jax.Array:
+        """Whether the rollout is over, () bool; a done state is absorbing: stepping it rewards nothing."""
 
 
 Domain = Any  # a pytree of arrays: walls, positions, sizes; a set of domains has a leading axis D
+
+
+class Expert(NamedTuple):
+    """What a human would give a Q-learner: the yardstick of the control experiments (section VII)."""
+
+    actions: Callable[[], "ActionSet"]
+    sensors: tuple[tuple[str, ...], ...]  # names of the chosen sensors by lag; the first are those of now
+
+
+class View(NamedTuple):
+    """How a task is drawn, on figures and in players."""
+
+    scene: Callable[[Domain, Any], "Scene"]  # (domain, states (F, ...)) -> scene
+    domains: Callable[[], list[tuple[str, Domain]]]  # all domains with their names
+    note: str  # what one should know of the domains
+    picture: Callable[["Task"], tuple["Figure", str]] | None = None  # of the robot, and what it shows
 
 
 class Task(NamedTuple):
@@ -38,12 +71,17 @@ class Task(NamedTuple):
     tests_per_domain: int
     max_score_per_domain: int
     reward: float  # size of one reward (equations 7 and 8)
-    feed_forward: bool  # whether evolved networks must be acyclic (appendix B)
-    reset: Callable[[jax.Array, Domain], TaskState]  # (key, domain) -> state
-    step: Callable[[Domain, TaskState, jax.Array], TaskState]  # (domain, state, (E,) commands in [0, 1]) -> state
-    is_idle: Callable[[TaskState], jax.Array]  # -> () bool: nothing happens any more, evaluating may stop here
+    reset: Callable[[jax.Array, Domain], Any]  # (key, domain) -> TaskState
+    step: Callable[[Domain, Any, jax.Array], Any]  # (domain, state, (E,) commands in [0, 1]) -> state
+    is_idle: Callable[[Any], jax.Array]  # state -> () bool: nothing happens any more, evaluating may stop here
     source_domains: Callable[[str], Domain]  # source name -> domains (D, ...)
     target_domains: Callable[[str], Domain]  # source name -> domains (D, ...), none of them in the source
-    position: Callable[[Domain, TaskState], jax.Array]  # -> () int32: cell of the discretised trajectory
-    outcome: Callable[[Domain, TaskState], jax.Array]  # -> (k,) vector compared by the ad hoc distance
+    position: Callable[[Domain, Any], jax.Array]  # -> () int32 >= 0: cell of the discretised trajectory
+    outcome: Callable[[Domain, Any], jax.Array]  # -> (k,) vector compared by the ad hoc distance
     trajectory_period: int  # steps between two recorded cells
+    physics: tuple[str, ...] = ("own",)  # names of what it can run on, the one of record first
+    on_physics: Callable[[str], "Task"] | None = None  # the task on another one of them
+    expert: Expert | None = None
+    view: View | None = None
+    defaults: Callable[[], "Defaults"] | None = None  # settings and sizes by profile; generic ones without
+    paper: Callable[[], "Paper"] | None = None  # what a paper printed about it

@@ -1,4 +1,4 @@
-"""The ball collecting task (paper, section V): a mobile robot brings balls to a basket.
+"""The dynamics of ball collecting (paper, section V): a mobile robot brings balls to a basket.
 
 The robot moves on two wheels by the rules of the fastsim simulator: kinematic, no sliding along walls. Two balls lie
 in the arena at the start; the switch makes the other two appear. Lengths are in world units (the arena's side is
@@ -12,9 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from qboot.envs import geometry
-from qboot.envs.ball_collecting import domains as arenas
-from qboot.envs.brax_env import TaskEnv
-from qboot.envs.task import Task
+from qboot.envs.ball_collecting.domains import Arena
 
 SENSORS = (
     "laser_front_right", "laser_front_left", "laser_front",
@@ -23,6 +21,7 @@ SENSORS = (
 )  # fmt: skip
 EFFECTORS = ("wheel_left", "wheel_right", "crane")
 
+REWARD = 100.0  # for a ball in the basket (equation 7)
 SPEED = 4.0  # wheel displacement per step at full command, in units
 BALLS_AT_START = 2  # the others appear when the switch is pulled
 LIGHT_HALF_OPENING = (math.pi / 2 + 0.01) / 2  # of a light detector, around +-pi/4
@@ -72,7 +71,7 @@ def move(posture: Posture, left: jax.Array, right: jax.Array, radius: jax.Array)
     return Posture(posture.x + chord * jnp.cos(direction), posture.y + chord * jnp.sin(direction), theta)
 
 
-def touch(domain: arenas.Arena, centre: jax.Array, heading: jax.Array) -> Contact:
+def touch(domain: Arena, centre: jax.Array, heading: jax.Array) -> Contact:
     """Collision and bumpers of the body at `centre` (2,), in units, with unit `heading` (2,).
 
     The body overlaps every pixel within its radius of the centre's pixel, both in whole pixels. The right bumper
@@ -103,13 +102,13 @@ def settle(before: Posture, tentative: Posture, contact: Contact) -> Posture:
     )
 
 
-def lasers(domain: arenas.Arena, centre: jax.Array, headings: jax.Array) -> jax.Array:
+def lasers(domain: Arena, centre: jax.Array, headings: jax.Array) -> jax.Array:
     """Distance in units from `centre` (2,) to the first wall along `headings` (N, 2); (N,), infinite out of range."""
     ends = centre + domain.laser_range * headings
     return domain.pixel * geometry.range_to_walls(centre / domain.pixel, ends / domain.pixel, domain.walls)
 
 
-def lights(domain: arenas.Arena, centre: jax.Array, axes: jax.Array, points: jax.Array) -> jax.Array:
+def lights(domain: Arena, centre: jax.Array, axes: jax.Array, points: jax.Array) -> jax.Array:
     """Whether detectors along `axes` (N, 2) see `points` (K, 2): in the opening, no wall between; (N, K) bool."""
     offset = points - centre
     along = axes[:, 0, None] * offset[:, 0] + axes[:, 1, None] * offset[:, 1]
@@ -118,7 +117,7 @@ def lights(domain: arenas.Arena, centre: jax.Array, axes: jax.Array, points: jax
 
 
 def observe(
-    domain: arenas.Arena,
+    domain: Arena,
     posture: Posture,
     contact: Contact,
     present: jax.Array,
@@ -156,7 +155,7 @@ def present_balls(taken: jax.Array, switch_pulled: jax.Array) -> jax.Array:
     return ~taken & ((jnp.arange(taken.shape[0]) < BALLS_AT_START) | switch_pulled)
 
 
-def reset(key: jax.Array, domain: arenas.Arena) -> BallState:
+def reset(key: jax.Array, domain: Arena) -> BallState:
     """State at the start of a test. The task is deterministic: `key` is not used."""
     del key
     posture = Posture(domain.start[0], domain.start[1], domain.start[2])
@@ -176,7 +175,7 @@ def reset(key: jax.Array, domain: arenas.Arena) -> BallState:
     )
 
 
-def step(domain: arenas.Arena, state: BallState, action: jax.Array) -> BallState:
+def step(domain: Arena, state: BallState, action: jax.Array) -> BallState:
     """One step of the simulator: `action` (3,) in [0, 1] = left wheel, right wheel, crane."""
     wheels = SPEED * (2.0 * action[:2] - 1.0)
     tentative = move(state.posture, wheels[0], wheels[1], domain.radius)
@@ -221,7 +220,7 @@ def is_idle(state: BallState) -> jax.Array:
     return state.still > STILL_STEPS
 
 
-def position(domain: arenas.Arena, state: BallState) -> jax.Array:
+def position(domain: Arena, state: BallState) -> jax.Array:
     """Cell of the robot on a 12 x 12 grid over the arena, () int32 in [0, 144)."""
     column, row = (
         jnp.clip((coordinate / domain.side * GRID).astype(jnp.int32), 0, GRID - 1)
@@ -230,45 +229,6 @@ def position(domain: arenas.Arena, state: BallState) -> jax.Array:
     return row * GRID + column
 
 
-def outcome(domain: arenas.Arena, state: BallState) -> jax.Array:
+def outcome(domain: Arena, state: BallState) -> jax.Array:
     """Where the balls are in the end, (8,), as a share of the arena's side."""
     return (state.balls / domain.side).reshape(-1)
-
-
-REWARD = 100.0
-
-TASK = Task(
-    name="ball_collecting",
-    sensors=SENSORS,
-    effectors=EFFECTORS,
-    sources=tuple(arenas.ARENAS),
-    max_steps=10_000,
-    tests_per_domain=1,
-    max_score_per_domain=4,
-    reward=REWARD,
-    feed_forward=False,
-    reset=reset,
-    step=step,
-    is_idle=is_idle,
-    source_domains=arenas.source_domains,
-    target_domains=arenas.target_domains,
-    position=position,
-    outcome=outcome,
-    trajectory_period=50,
-)
-
-
-class BallCollecting(TaskEnv):
-    """Ball collecting as a Brax environment."""
-
-    def __init__(self, arena: str = "A", placement: int = 0):
-        """Choose the domain.
-
-        Args:
-            arena: "A", "B" or "C".
-            placement: 0, 1 or 2, where robot, balls, switch and basket are.
-
-        Raises:
-            ValueError: for an unknown arena or placement.
-        """
-        super().__init__(TASK, arenas.arena(arena, placement))

@@ -1,11 +1,10 @@
-"""The box pushing task (paper, section VI): a robotic arm pushes a block to the left, towards minus y.
+"""The dynamics of box pushing (paper, section VI): a robotic arm pushes a block to the left, towards minus y.
 
 A test ends at the first contact between hand and block. It succeeds when the hand touches the block's right
 face, centred. As in the recorded original, the contact is seen in the step after the one that made hand and
 block overlap; in that step the block shifts. Lengths are in metres.
 """
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -13,12 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.box_pushing import arm
-from qboot.envs.box_pushing import domains as blocks
-from qboot.envs.box_pushing import physics_kinematic as box_pushing_kinematic
-from qboot.envs.box_pushing import physics_mjx as box_pushing_mjx
-from qboot.envs.brax_env import TaskEnv
-from qboot.envs.task import Task
+from qboot.envs.box_pushing import arm, domains
+from qboot.envs.box_pushing.domains import Block
 
 SENSORS = (
     "hand_x", "hand_y", "hand_z",
@@ -29,7 +24,6 @@ SENSORS = (
     "hand_x_from_block", "hand_y_from_block",
 )  # fmt: skip
 EFFECTORS = ("x", "y", "z")
-PHYSICS = {"mjx": box_pushing_mjx.move, "kinematic": box_pushing_kinematic.move}
 
 # The range of each sensor, scaled to [0, 1] and clipped.
 SENSOR_LOW = np.array([0.076, -0.35, 0.7145, 0, 0, 0, 0, 0, 0, 0, 0, -0.46, -0.54], np.float32)
@@ -51,7 +45,7 @@ class PushState(NamedTuple):
     travelled: jax.Array  # (6,) path lengths of hand and block along x, y, z
 
 
-def observe(domain: blocks.Block, hand: jax.Array, block: jax.Array) -> jax.Array:
+def observe(domain: Block, hand: jax.Array, block: jax.Array) -> jax.Array:
     """The 13 sensors in [0, 1], in the order of SENSORS, from the centres of hand (3,) and block (3,)."""
     hand_low, hand_high = hand - arm.HALF_SIZE, hand + arm.HALF_SIZE
     block_low, block_high = block - domain.half_size, block + domain.half_size
@@ -61,15 +55,15 @@ def observe(domain: blocks.Block, hand: jax.Array, block: jax.Array) -> jax.Arra
             jnp.abs(hand_low[0] - block_high[0]), jnp.abs(hand_high[0] - block_low[0]),
             jnp.abs(hand_low[1] - block_high[1]), jnp.abs(hand_high[1] - block_low[1]),
             jnp.abs(hand_low[2] - block_high[2]),
-            block_low[0] - blocks.TABLE_LOW[0], block_low[1] - blocks.TABLE_LOW[1],
-            blocks.TABLE_HIGH[1] - block_high[1],
+            block_low[0] - domains.TABLE_LOW[0], block_low[1] - domains.TABLE_LOW[1],
+            domains.TABLE_HIGH[1] - block_high[1],
             hand[0] - block[0], hand[1] - block[1],
         ]
     )  # fmt: skip
     return jnp.clip((raw - SENSOR_LOW) / (SENSOR_HIGH - SENSOR_LOW), 0.0, 1.0)
 
 
-def state_at(domain: blocks.Block, hand: jax.Array, block: jax.Array) -> PushState:
+def state_at(domain: Block, hand: jax.Array, block: jax.Array) -> PushState:
     """The state of a test that starts with centres `hand` (3,) and `block` (3,)."""
     return PushState(
         observation=observe(domain, hand, block),
@@ -81,9 +75,9 @@ def state_at(domain: blocks.Block, hand: jax.Array, block: jax.Array) -> PushSta
     )
 
 
-def reset(key: jax.Array, domain: blocks.Block) -> PushState:
+def reset(key: jax.Array, domain: Block) -> PushState:
     """State at the start of a test: random places of hand and block that do not touch."""
-    return state_at(domain, *blocks.draw_start(key, domain))
+    return state_at(domain, *domains.draw_start(key, domain))
 
 
 def is_pushed_left(hand: jax.Array, block: jax.Array, normal: jax.Array) -> jax.Array:
@@ -93,7 +87,7 @@ def is_pushed_left(hand: jax.Array, block: jax.Array, normal: jax.Array) -> jax.
     return (normal[1] >= NORMAL_ALIGNMENT) & centred
 
 
-def step(move: Callable[..., arm.Motion], domain: blocks.Block, state: PushState, action: jax.Array) -> PushState:
+def step(move: Callable[..., arm.Motion], domain: Block, state: PushState, action: jax.Array) -> PushState:
     """One step of 0.01 s by the physics `move`: `action` (3,) in [0, 1] drives the x, y and z sliders."""
     motion = move(domain, state.hand, state.block, action)
     hand = jnp.where(state.done, state.hand, motion.hand)
@@ -115,7 +109,7 @@ def is_idle(state: PushState) -> jax.Array:
     return jnp.array(False)
 
 
-def position(domain: blocks.Block, state: PushState) -> jax.Array:
+def position(domain: Block, state: PushState) -> jax.Array:
     """Cell of the hand on a 6 x 6 x 4 grid over its reach, () int32 in [0, 144)."""
     del domain
     share = (state.hand - arm.REACH_LOW) / (arm.REACH_HIGH - arm.REACH_LOW)
@@ -123,61 +117,7 @@ def position(domain: blocks.Block, state: PushState) -> jax.Array:
     return (cell[0] * GRID[1] + cell[1]) * GRID[2] + cell[2]
 
 
-def outcome(domain: blocks.Block, state: PushState) -> jax.Array:
+def outcome(domain: Block, state: PushState) -> jax.Array:
     """Distances in metres travelled by hand and block along x, y and z, (6,)."""
     del domain
     return state.travelled
-
-
-@functools.cache
-def task(physics: str = "mjx") -> Task:
-    """Box pushing on MuJoCo ("mjx", the physics of record) or its closed-form twin ("kinematic").
-
-    Raises:
-        ValueError: for another physics.
-    """
-    if physics not in PHYSICS:
-        raise ValueError(f"unknown physics {physics!r}: choose one of {', '.join(PHYSICS)}")
-    return Task(
-        name="box_pushing",
-        sensors=SENSORS,
-        effectors=EFFECTORS,
-        sources=("A",),
-        max_steps=300,
-        tests_per_domain=5,
-        max_score_per_domain=5,
-        reward=REWARD,
-        feed_forward=True,
-        reset=reset,
-        step=functools.partial(step, PHYSICS[physics]),
-        is_idle=is_idle,
-        source_domains=blocks.source_domains,
-        target_domains=blocks.target_domains,
-        position=position,
-        outcome=outcome,
-        trajectory_period=10,
-    )
-
-
-class BoxPushing(TaskEnv):
-    """Box pushing as a Brax environment."""
-
-    def __init__(self, size: int = 0, physics: str = "mjx"):
-        """Choose the block and the physics.
-
-        Args:
-            size: 0, 1 or 2, one of the source blocks.
-            physics: "mjx" or "kinematic".
-
-        Raises:
-            ValueError: for an unknown size or physics.
-        """
-        if size not in range(len(blocks.SOURCE_WIDTHS)):
-            raise ValueError(f"unknown block size {size!r}: choose 0, 1 or 2")
-        super().__init__(task(physics), blocks.block(blocks.SOURCE_WIDTHS[size]))
-        self.physics = physics
-
-    @property
-    def backend(self) -> str:
-        """The physics, "mjx" or "kinematic"."""
-        return self.physics

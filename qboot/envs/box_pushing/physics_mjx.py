@@ -14,7 +14,7 @@ import mujoco
 from mujoco import mjx
 
 from qboot.envs.box_pushing import arm
-from qboot.envs.box_pushing import domains as blocks
+from qboot.envs.box_pushing.domains import Block
 
 MODEL_FILE = Path(__file__).with_name("model.xml")
 
@@ -27,7 +27,7 @@ def model() -> tuple[mujoco.MjModel, mjx.Model, mjx.Data]:
         return compiled, mjx.put_model(compiled, impl="jax"), mjx.make_data(compiled, impl="jax")
 
 
-def sized(domain: blocks.Block, centre_height: jax.Array) -> mjx.Model:
+def sized(domain: Block, centre_height: jax.Array) -> mjx.Model:
     """The model with the block of `domain` at height `centre_height` ()."""
     compiled, traced, _ = model()
     tip, reach = compiled.geom("tip"), compiled.geom("reach")
@@ -38,7 +38,7 @@ def sized(domain: blocks.Block, centre_height: jax.Array) -> mjx.Model:
     )
 
 
-def move(domain: blocks.Block, hand: jax.Array, block: jax.Array, command: jax.Array) -> arm.Motion:
+def move(domain: Block, hand: jax.Array, block: jax.Array, command: jax.Array) -> arm.Motion:
     """One step from centres `hand` (3,) and `block` (3,), both at rest, under `command` (3,) in [0, 1]."""
     effort = 2.0 * arm.admissible(hand, command) - 1.0
     # MuJoCo's sliders are chained from z to x, and the block slides along x and y.

@@ -1,15 +1,22 @@
-"""Q-learning in progress: the learner with its history, saved together, and the calls that are left."""
+"""The stage learn, and Q-learning wherever a run needs it."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from qboot.envs.task import Domain
+from qboot.qlearning import learner
 from qboot.qlearning.learner import EpisodeInfo, LearnerState
+from qboot.qlearning.networks import QNetworks
+from qboot.study.pipeline import loop
+from qboot.study.pipeline.loop import Work
+from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files
+from qboot.study.store.artifacts import key_of, read_actions, read_inputs, task_of
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
-SECONDS_BETWEEN_SAVES = 20.0
 # Episodes per compiled call; what is done of it is lost when a stage is killed.
 EPISODES_PER_CALL = 10
 COLUMNS = ("episode", "score", "discounted_return", "steps", "decisions", "td_error", "largest_q")
@@ -21,14 +28,59 @@ class Learning(NamedTuple):
     state: LearnerState
     history: dict[str, list]  # COLUMNS of qlearning.csv; scores summed over the domains
 
+    @property
+    def episodes(self) -> int:
+        """Episodes done."""
+        return len(self.history["episode"])
+
+
+def learn_stage(run: Run[RunSettings], workers: int) -> None:
+    """Q-learning on the source set with what was extracted: qlearning.csv, qnets.npz."""
+    domains = task_of(run).source_domains(run.settings.source)
+    networks = learned(run, domains, "learning", run.settings.episodes, "learn", "qlearning.csv")
+    files.write_npz(run.file("qnets.npz"), files.to_arrays(networks))
+
+
+def learned(
+    run: Run[RunSettings],
+    domains: Domain,
+    purpose: str,
+    n_episodes: int,
+    name: str,
+    history_name: str,
+    networks: QNetworks | None = None,
+) -> QNetworks:
+    """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over."""
+    task, settings = task_of(run), run.settings.learner
+    actions, inputs = read_actions(run), read_inputs(run)
+    state = learner.init(key_of(run, purpose), task, domains, actions, inputs, settings, networks=networks)
+    checkpoint = run.file(f"{name}.checkpoint.npz")
+    start = begin(state, checkpoint)
+
+    def step(learning: Learning) -> Learning:
+        size = call_size(learning.episodes, n_episodes)
+        return after(learning, *learner.learn(learning.state, task, domains, actions, inputs, settings, size))
+
+    with Progress(f"{name} {run.label}", "episode", n_episodes, start.episodes) as progress:
+        work = Work(
+            total=n_episodes,
+            done=lambda learning: learning.episodes,
+            step=step,
+            save=lambda learning: save(learning, checkpoint),
+            report=lambda learning: progress.update(learning.episodes, **_figures(learning)),
+        )
+        end = loop.advance(work, start)
+    files.write_csv(run.file(history_name), end.history)
+    return end.state.networks
+
 
 def begin(state: LearnerState, checkpoint: Path) -> Learning:
     """A learner from its first `state`, or from where the checkpoint, if there is one, says."""
     if not checkpoint.exists():
         return Learning(state, {name: [] for name in COLUMNS})
     arrays = files.read_npz(checkpoint)
-    history = {name: arrays[f"history.{name}"].tolist() for name in COLUMNS}
-    return Learning(files.from_arrays(arrays, state, checkpoint), history)
+    history = {name: files.pick(arrays, f"history.{name}", checkpoint).tolist() for name in COLUMNS}
+    return Learning(files.like(arrays, state, checkpoint), history)
 
 
 def save(learning: Learning, checkpoint: Path) -> None:
@@ -41,7 +93,7 @@ def after(learning: Learning, state: LearnerState, info: EpisodeInfo) -> Learnin
     """The learner after a call that returned `state` and `info` (one entry per episode)."""
     names = COLUMNS[1:5]
     sums = {name: np.asarray(getattr(info, name)).sum(axis=1).tolist() for name in names}
-    first, n = len(learning.history["episode"]) + 1, len(info.td_error)
+    first, n = learning.episodes + 1, len(info.td_error)
     new = {
         "episode": list(range(first, first + n)),
         **sums,
@@ -51,9 +103,11 @@ def after(learning: Learning, state: LearnerState, info: EpisodeInfo) -> Learnin
     return Learning(state, {name: learning.history[name] + new[name] for name in COLUMNS})
 
 
-def call_sizes(done: int, n_episodes: int) -> Iterator[int]:
-    """Sizes of the calls that are left; they start at multiples of the usual size, so few sizes are compiled."""
-    while done < n_episodes:
-        size = min(EPISODES_PER_CALL, n_episodes - done)
-        yield size
-        done += size
+def call_size(done: int, n_episodes: int) -> int:
+    """Episodes of the next call."""
+    return min(EPISODES_PER_CALL, n_episodes - done)
+
+
+def _figures(learning: Learning) -> dict[str, float]:
+    scores = learning.history["score"]
+    return {"best": max(scores), "recent": float(np.mean(scores[-EPISODES_PER_CALL:]))}

@@ -1,14 +1,20 @@
-"""Profiles: how large a study is. They scale sizes alone; every other parameter is the paper's (appendix B)."""
+"""Profiles: how large a study is. They scale sizes alone; every other parameter is the task's default."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
-from qboot.envs import PHYSICS, TASKS
+from qboot.envs.registry import canonical, get_task
+from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
 from qboot.neuroevolution.dnn import Topology
 from qboot.neuroevolution.evolve import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.store.runs import RunSettings
+from qboot.study.store.settings import RunSettings
+
+PROFILES = ("smoke", "quick", "standard", "paper")
+"""Does it all work? Curves that rise. Nights on a desktop. The sizes of the paper."""
 
 
 @dataclass(frozen=True)
@@ -26,32 +32,8 @@ class Size:
     target_generations: int
 
 
-PROFILES = {
-    # Every stage, every figure, in minutes: shows that all works, says nothing about the method.
-    "smoke": {
-        "ball_collecting": Size(1, ("A",), 16, 4, 400, 4, 6, 6, 2),
-        "box_pushing": Size(1, ("A",), 16, 4, 100, 4, 6, 6, 2),
-    },
-    # Curves that rise, on two cores, while one has a coffee.
-    "quick": {
-        "ball_collecting": Size(1, ("A", "B"), 128, 250, 4_000, 500, 800, 200, 25),
-        "box_pushing": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 6),
-    },
-    # A night on a desktop.
-    "standard": {
-        "ball_collecting": Size(4, ("A", "B", "C"), 128, 600, 10_000, 500, 2_000, 2_000, 300),
-        "box_pushing": Size(10, ("A",), 128, 400, 300, 500, 2_000, 2_000, 300),
-    },
-    # As printed: 30 runs a task; ER on the target set up to the paper's median.
-    "paper": {
-        "ball_collecting": Size(10, ("A", "B", "C"), 128, 1_000, 10_000, 500, 5_000, 10_000, 2_500),
-        "box_pushing": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 2_000),
-    },
-}
-
-
 @dataclass(frozen=True)
-class SweepSize:
+class ControlSize:
     """Size of one control experiment (section VII)."""
 
     runs: int
@@ -59,104 +41,113 @@ class SweepSize:
     episodes: int
 
 
-def _sweeps(runs: int, **episodes: int) -> dict[str, SweepSize]:
-    return {what: SweepSize(runs, n) for what, n in episodes.items()}
+class Defaults(NamedTuple):
+    """What a task's runs are made with, unless told otherwise."""
+
+    sizes: Mapping[str, Size]  # by profile
+    controls: Mapping[str, Mapping[str, ControlSize]]  # by profile, then by control experiment
+    learner: LearnerSettings
+    evolution: EvolutionSettings = EvolutionSettings()
+    dnn: Topology = Topology()
+    actions: ActionSettings = ActionSettings()
+    sensors: SensorSettings = SensorSettings()
+    n_actions: tuple[int, ...] = (4, 8, 17, 30, 50)  # compared by the control experiment on their number
+    random_durations: tuple[int, int] = (5, 25)  # of random actions: shortest and longest, in steps
 
 
-# The experiments in the order of the paper: sections VII-A, VII-B, VII-C.
-SWEEPS = {
-    "smoke": {
-        "ball_collecting": _sweeps(2, actions=4, sensors=4, n_actions=4),
-        "box_pushing": _sweeps(2, actions=4, sensors=4, n_actions=4),
-    },
-    "quick": {
-        "ball_collecting": _sweeps(3, actions=80, sensors=80, n_actions=80),
-        "box_pushing": _sweeps(3, actions=100, sensors=100, n_actions=100),
-    },
-    "standard": {
-        "ball_collecting": _sweeps(10, actions=2_000, sensors=2_000, n_actions=2_000),
-        "box_pushing": _sweeps(10, actions=2_000, sensors=2_000, n_actions=2_000),
-    },
-    "paper": {
-        "ball_collecting": _sweeps(30, actions=10_000, sensors=10_000, n_actions=5_000),
-        "box_pushing": _sweeps(30, actions=5_000, sensors=5_000, n_actions=5_000),
-    },
-}
-
-# Learners side by side in a program. On a CPU about as fast as one after another, and compiled once for all.
-LANES = 5
-# Box pushing starts at random, so a score is partly luck.
-REEVALUATE = {"ball_collecting": False, "box_pushing": True}
-ACTIONS = {
-    "ball_collecting": ActionSettings(n_actions=17),
-    # The hand crosses its window of success in one or two steps, so the actions that matter are short.
-    "box_pushing": ActionSettings(n_actions=7, min_duration=1, max_duration=20, restarts=10),
-}
-LEARNERS = {
-    "ball_collecting": LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125, history="decisions"),
-    "box_pushing": LearnerSettings(gamma=0.99, alpha=0.01, hidden=35, input_range=(-3.0, 3.0)),
-}
+def controls(runs: int, **episodes: int) -> dict[str, ControlSize]:
+    """The control experiments of a profile with their episodes, in the order of the paper (sections VII-A, -B, -C)."""
+    return {what: ControlSize(runs, n) for what, n in episodes.items()}
 
 
-def size_of(task: str, profile: str) -> Size:
+def defaults_of(task: Task) -> Defaults:
+    """A task's own defaults, or, if it brings none, general ones scaled to its rollouts."""
+    return task.defaults() if task.defaults else _general(task)
+
+
+def size_of(task: Task, profile: str) -> Size:
     """Sizes of a task in a profile.
 
     Raises:
-        ValueError: for an unknown task or profile.
+        ValueError: for an unknown profile.
     """
-    if profile not in PROFILES:
-        raise ValueError(f"unknown profile {profile!r}: choose one of {', '.join(PROFILES)}")
-    if task not in PROFILES[profile]:
-        raise ValueError(f"unknown task {task!r}: choose one of {', '.join(PROFILES[profile])}")
-    return PROFILES[profile][task]
+    sizes = defaults_of(task).sizes
+    if profile not in sizes:
+        raise ValueError(f"unknown profile {profile!r}: choose one of {', '.join(sizes)}")
+    return sizes[profile]
 
 
-def sweep_of(task: str, what: str, profile: str) -> SweepSize:
+def control_size_of(task: Task, what: str, profile: str) -> ControlSize:
     """Size of a control experiment in a profile.
 
     Raises:
-        ValueError: for an unknown task, experiment or profile.
+        ValueError: for an unknown profile or experiment.
     """
     size_of(task, profile)
-    sweeps = SWEEPS[profile][task]
-    if what not in sweeps:
-        raise ValueError(f"unknown experiment {what!r}: choose one of {', '.join(sweeps)}")
-    return sweeps[what]
+    sizes = defaults_of(task).controls[profile]
+    if what not in sizes:
+        raise ValueError(f"unknown experiment {what!r}: choose one of {', '.join(sizes)}")
+    return sizes[what]
 
 
-def settings_of(task: str, profile: str, source: str, seed: int) -> RunSettings:
-    """All settings of one run.
+def settings_of(name: str, profile: str, source: str, seed: int) -> RunSettings:
+    """All settings of one run of the task `name` (as `qboot.envs.get_task` finds it).
 
     Raises:
         ValueError: for an unknown task, profile or source, or a negative seed.
     """
-    size = size_of(task, profile)
-    if source not in TASKS[task].sources:
-        raise ValueError(f"unknown source {source!r} of {task}: choose one of {', '.join(TASKS[task].sources)}")
+    task = get_task(name)
+    size, defaults = size_of(task, profile), defaults_of(task)
+    if source not in task.sources:
+        raise ValueError(f"unknown source {source!r} of {task.name}: choose one of {', '.join(task.sources)}")
     return RunSettings(
-        task=task,
+        task=canonical(name),
         source=source,
-        physics=PHYSICS[task][0],
+        physics=task.physics[0],
         seed=seed,
         profile=profile,
         n_steps=size.n_steps,
-        topology=Topology(feed_forward=TASKS[task].feed_forward),
-        evolution=EvolutionSettings(
-            population=size.population,
-            generations=size.generations,
-            horizon=size.horizon,
-            reevaluate=REEVALUATE[task],
+        topology=replace(defaults.dnn, n_inputs=len(task.sensors), n_outputs=len(task.effectors)),
+        evolution=replace(
+            defaults.evolution, population=size.population, generations=size.generations, horizon=size.horizon
         ),
-        actions=ACTIONS[task],
-        sensors=SensorSettings(),
-        learner=LEARNERS[task],
+        actions=defaults.actions,
+        sensors=defaults.sensors,
+        learner=defaults.learner,
         episodes=size.episodes,
         target_episodes=size.target_episodes,
         target_generations=size.target_generations,
     )
 
 
-def runs_of(task: str, profile: str) -> list[RunSettings]:
+def runs_of(name: str, profile: str) -> list[RunSettings]:
     """The settings of all runs of a task in a profile."""
-    size = size_of(task, profile)
-    return [settings_of(task, profile, source, seed) for source in size.sources for seed in range(size.runs_per_source)]
+    size = size_of(get_task(name), profile)
+    return [settings_of(name, profile, source, seed) for source in size.sources for seed in range(size.runs_per_source)]
+
+
+def _general(task: Task) -> Defaults:
+    """Defaults for a task that brings none: the method's own, with sizes that fit a robot on two cores."""
+    sources, steps = task.sources, task.max_steps
+    n_first = len(task.sensors) * len(task.effectors)
+    return Defaults(
+        sizes={
+            "smoke": Size(1, sources[:1], 16, 4, min(steps, 100), 4, 6, 6, 2),
+            "quick": Size(1, sources, 64, 60, steps, 500, 200, 100, 10),
+            "standard": Size(5, sources, 128, 400, steps, 500, 2_000, 2_000, 300),
+            "paper": Size(10, sources, 128, 1_000, steps, 500, 5_000, 6_000, 2_000),
+        },
+        controls={
+            "smoke": controls(2, actions=4, sensors=4, n_actions=4),
+            "quick": controls(3, actions=100, sensors=100, n_actions=100),
+            "standard": controls(10, actions=2_000, sensors=2_000, n_actions=2_000),
+            "paper": controls(30, actions=5_000, sensors=5_000, n_actions=5_000),
+        },
+        # A reward halfway through a rollout is still worth a third of one now.
+        learner=LearnerSettings(gamma=1.0 - 2.0 / max(steps, 3), alpha=0.01, hidden=50),
+        # Room for as many connections again as the first generation has.
+        dnn=Topology(n_inputs=len(task.sensors), n_outputs=len(task.effectors), max_connections=max(75, 2 * n_first)),
+        actions=ActionSettings(n_actions=8, min_duration=1, max_duration=max(1, steps // 10), restarts=10),
+        n_actions=(4, 8, 16),
+        random_durations=(1, max(2, steps // 20)),
+    )

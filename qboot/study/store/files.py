@@ -7,7 +7,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import jax
 import numpy as np
@@ -97,18 +97,48 @@ def to_arrays(tree: Any) -> dict[str, np.ndarray]:
     return {_name(keys): np.asarray(_raw(leaf)) for keys, leaf in leaves}
 
 
-def from_arrays(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree:
-    """The tree shaped like `template` out of named arrays read from `origin`.
+def from_arrays(arrays: Mapping[str, np.ndarray], kind: type[Tree], origin: Path, prefix: str = "") -> Tree:
+    """A named tuple of type `kind`, other named tuples within, out of named arrays read from `origin`.
 
     Raises:
         RunError: if an array is missing, as in a file of another version.
     """
+    hints = get_type_hints(kind)
+    return kind(
+        **{
+            name: from_arrays(arrays, hints[name], origin, f"{prefix}{name}.")
+            if hasattr(hints[name], "_fields")
+            else pick(arrays, prefix + name, origin)
+            for name in kind._fields  # type: ignore[attr-defined]
+        }
+    )
+
+
+def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree:
+    """The tree of the structure, shapes and kinds of `template` out of named arrays read from `origin`.
+
+    Raises:
+        RunError: if an array is missing or of another shape, as in a file made with other settings.
+    """
     leaves, structure = jax.tree_util.tree_flatten_with_path(template)
-    missing = [name for keys, _ in leaves if (name := _name(keys)) not in arrays]
-    if missing:
-        raise RunError(f"{origin} lacks {', '.join(missing)}: it is not of this version; delete it and run again")
-    found = [_like(arrays[_name(keys)], leaf) for keys, leaf in leaves]
+    found = []
+    for keys, leaf in leaves:
+        name, expected = _name(keys), np.asarray(_raw(leaf))
+        array = pick(arrays, name, origin)
+        if array.shape != expected.shape or array.dtype != expected.dtype:
+            raise RunError(
+                f"{origin} was made with other settings ({name} is {array.dtype}{list(array.shape)}, not "
+                f"{expected.dtype}{list(expected.shape)}): delete it and run again"
+            )
+        found.append(jax.random.wrap_key_data(array) if _is_key(leaf) else array)
     return jax.tree_util.tree_unflatten(structure, found)
+
+
+def pick(arrays: Mapping[str, np.ndarray], name: str, origin: Path) -> np.ndarray:
+    """One of the named arrays read from `origin`; raises RunError if there is none of this name."""
+    if name not in arrays:
+        raise RunError(f"{origin} lacks {name}: it is not of this version; delete it and run again")
+    return arrays[name]
 
 
 def _name(keys: tuple) -> str:
@@ -121,10 +151,6 @@ def _is_key(leaf: Any) -> bool:
 
 def _raw(leaf: Any) -> Any:
     return jax.random.key_data(leaf) if _is_key(leaf) else leaf
-
-
-def _like(array: np.ndarray, leaf: Any) -> Any:
-    return jax.random.wrap_key_data(array) if _is_key(leaf) else array
 
 
 def _cell(value: Any) -> str:

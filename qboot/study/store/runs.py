@@ -8,76 +8,53 @@ import subprocess
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import qboot
-from qboot.extraction.actions import ActionSettings
-from qboot.extraction.sensors import SensorSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
-from qboot.qlearning.settings import LearnerSettings
+from qboot.envs.registry import get_task
 from qboot.study.store import files
 from qboot.study.store.files import RunError
+from qboot.study.store.settings import CellSettings, RunSettings
 
 # Grows when a file of a run folder changes its meaning.
 FORMAT = 1
 PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "scikit-learn", "brax", "mujoco", "mujoco-mjx", "rapidfuzz")
 
 
-@dataclass(frozen=True)
-class RunSettings:
-    """Every setting of a run; the defaults of a task and a profile come from `qboot.study.pipeline.profiles`."""
-
-    task: str
-    """ball_collecting or box_pushing."""
-    source: str
-    """Source domain set: A, B or C for ball collecting."""
-    physics: str
-    """fastsim for ball collecting; mjx, the physics of record, or its twin kinematic for box pushing."""
-    seed: int
-    """Everything random comes from it."""
-    profile: str
-    """Name of the profile that the sizes come from."""
-    n_steps: int
-    """Steps of one test at most."""
-    topology: Topology
-    evolution: EvolutionSettings
-    actions: ActionSettings
-    sensors: SensorSettings
-    learner: LearnerSettings
-    episodes: int
-    """Q-learning episodes on the source set."""
-    target_episodes: int
-    """Q-learning episodes on the target set."""
-    target_generations: int
-    """Generations of ER and of ER + transfer on the target set."""
-
-    def __post_init__(self):
-        """Reject sizes that make no run."""
-        for name in ("seed", "episodes", "target_episodes", "target_generations"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} is {getattr(self, name)}: it must not be negative")
-        if self.n_steps < 1:
-            raise ValueError(f"n_steps is {self.n_steps}: a test has at least 1 step")
+Settings = TypeVar("Settings", RunSettings, CellSettings)
 
 
 @dataclass(frozen=True)
-class Run:
-    """A run folder and its settings."""
+class Run(Generic[Settings]):
+    """A folder and the settings that all in it was made with: of a run, or of a learner of a control experiment."""
 
     folder: Path
-    settings: RunSettings
+    settings: Settings
 
     def file(self, name: str) -> Path:
         """Path of a file of the run."""
         return self.folder / name
 
+    def require(self, name: str) -> None:
+        """Raise RunError unless the run has a file of this name."""
+        if not self.file(name).exists():
+            raise RunError(f"{self.file(name)} does not exist: run the stage that makes it first")
+
     @property
     def label(self) -> str:
         """A short name for people."""
-        return f"{self.settings.task} {self.settings.source}-{self.settings.seed}"
+        return f"{name_of_task(self)} {self.settings.source}-{self.settings.seed}"
 
 
-def create(folder: Path, settings: RunSettings) -> Run:
+AnyRun = Run[RunSettings] | Run[CellSettings]
+
+
+def name_of_task(run: AnyRun) -> str:
+    """The short name of a run's task, also when the task is told by where it is defined."""
+    return get_task(run.settings.task).name
+
+
+def create(folder: Path, settings: Settings) -> Run[Settings]:
     """The run in `folder`: a new one, or one begun earlier with the same settings.
 
     Raises:
@@ -98,7 +75,7 @@ def create(folder: Path, settings: RunSettings) -> Run:
     return Run(folder, settings)
 
 
-def load(folder: Path, kind: type = RunSettings) -> Run:
+def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:
     """The run in `folder`, whose settings are of a `kind` of dataclass.
 
     Raises:
@@ -112,7 +89,7 @@ def load(folder: Path, kind: type = RunSettings) -> Run:
     return Run(folder, _from_plain(kind, _read(config), config))
 
 
-def find(results: Path) -> list[Run]:
+def find(results: Path) -> list[Run[RunSettings]]:
     """All runs below a folder, in order of their paths."""
     return [load(config.parent) for config in sorted(results.glob("*/*/config.json"))]
 
@@ -128,7 +105,7 @@ def _read(config: Path) -> dict:
     return found.get("settings", {})
 
 
-def _describe(settings: RunSettings) -> dict:
+def _describe(settings: RunSettings | CellSettings) -> dict:
     return {
         "format": FORMAT,
         "qboot": qboot.__version__,
@@ -154,12 +131,12 @@ def _git_commit() -> str:
     return commit.stdout.strip()
 
 
-def _plain(settings: RunSettings) -> dict:
+def _plain(settings: RunSettings | CellSettings) -> dict:
     """Settings as JSON gives them back."""
     return json.loads(json.dumps(dataclasses.asdict(settings)))
 
 
-def _from_plain(cls: type, values: dict, config: Path):
+def _from_plain(cls: type, values: dict, config: Path) -> Any:
     """A nested dataclass out of plain values."""
     fields = {field.name: field for field in dataclasses.fields(cls)}
     if set(fields) != set(values):
@@ -177,7 +154,7 @@ def _from_plain(cls: type, values: dict, config: Path):
         raise RunError(f"{config} has a setting that cannot be: {error}") from None
 
 
-def _difference(name: str, found, wanted) -> str:
+def _difference(name: str, found: Any, wanted: Any) -> str:
     """The first setting in which two plain settings differ, in words."""
     if isinstance(found, dict) and isinstance(wanted, dict):
         for key in wanted:

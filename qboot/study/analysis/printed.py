@@ -1,0 +1,66 @@
+"""What a paper printed about a task, as data: the types. Each task that a paper tells of has its own `paper.py`.
+
+A paper may give quartiles of performance: its "upper quartile" reaches a score first. Here the lower quartile is
+always the smaller number, so for times it is that of the faster runs.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+
+class Result(NamedTuple):
+    """One number of a paper over its runs."""
+
+    measure: str  # name in `qboot.study.analysis.measures.MEASURES`
+    section: str
+    value: float | None  # None where the paper prints none
+    lower: float | None = None
+    upper: float | None = None
+    statistic: str = "median"  # or "mean"
+
+
+class Conclusion(NamedTuple):
+    """A paper's claim that one measure is greater than another."""
+
+    claim: str
+    section: str
+    greater: str  # names in `qboot.study.analysis.measures.MEASURES`
+    smaller: str
+    printed: str  # the paper's own test or numbers
+
+
+class TestTable(NamedTuple):
+    """A triangular table of p-values of Mann-Whitney tests between conditions of a control experiment."""
+
+    title: str
+    section: str
+    what: str  # the control experiment
+    measure: str  # name in `qboot.study.analysis.control_measures.MEASURES`
+    printed: dict[tuple[str, str], tuple[float, ...]]  # of two conditions; several where it is printed several times
+    shares: tuple[float, ...] = (1.0,)  # of the episodes, after which ours is tested
+
+
+class ControlConclusion(NamedTuple):
+    """A paper's claim that a measure is greater in one condition of a control experiment than in another."""
+
+    conclusion: Conclusion  # greater and smaller are names of conditions
+    what: str
+    measure: str
+
+
+class PrintedFigure(NamedTuple):
+    """A figure of a paper."""
+
+    number: int
+    shows: str
+
+
+class Paper(NamedTuple):
+    """All that a paper printed about one task."""
+
+    results: tuple[Result, ...]
+    conclusions: tuple[Conclusion, ...]
+    test_tables: tuple[TestTable, ...]
+    control_conclusions: tuple[ControlConclusion, ...]
+    figures: Mapping[str, PrintedFigure]  # by name in `qboot.study.figures.catalogue`
+    not_printed: tuple[str, ...] = ()  # sizes of the profile "paper" that the paper does not give

@@ -1,0 +1,47 @@
+"""The stage extract: from the lineage's learning traces to the actions and sensors of a Q-learner."""
+
+import numpy as np
+
+from qboot.extraction.actions import cluster_actions
+from qboot.extraction.segmentation import Segments, join_segments, linear_segments
+from qboot.extraction.sensors import majority, sensor_votes
+from qboot.extraction.traces import Trace, traces
+from qboot.study.pipeline.evolving import source_problem
+from qboot.study.pipeline.progress import Progress
+from qboot.study.store import files
+from qboot.study.store.artifacts import read_lineage
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
+
+
+def extract_stage(run: Run[RunSettings], workers: int) -> None:
+    """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
+    flow = replayed(run, workers)
+    actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
+    files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
+    settings = run.settings.sensors
+    votes = sensor_votes((trace.observations for trace in flow), settings.lags, settings)
+    files.write_npz(run.file("sensors.npz"), {"selected": majority(votes.kept)} | files.to_arrays(votes))
+
+
+def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
+    """The learning traces: the best-of-run's lineage played again.
+
+    Raises:
+        RunError: if it does not reach the scores that it was saved with.
+    """
+    ancestors = read_lineage(run)
+    with Progress(f"extract {run.label}", "network", len(ancestors.ids)) as progress:
+        flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
+    if not np.allclose(scores, ancestors.scores, rtol=1e-5, atol=1e-5):
+        raise RunError(
+            f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
+            "version of qboot or on other hardware; evolve again on this one"
+        )
+    return flow
+
+
+def segments_of(run: Run[RunSettings], flow: list[Trace]) -> Segments:
+    """All linear segments of the traces' commands."""
+    return join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])

@@ -1,0 +1,71 @@
+"""The stage transfer: the target set, without learning there and with it (sections V-B3 and VI-B3)."""
+
+import numpy as np
+
+from qboot.envs.task import Domain
+from qboot.neuroevolution import evaluation
+from qboot.neuroevolution.behaviour import STATES
+from qboot.qlearning import policy
+from qboot.qlearning.networks import QNetworks
+from qboot.study.pipeline.evolving import evolved, problem_on
+from qboot.study.pipeline.learning import learned
+from qboot.study.store import files
+from qboot.study.store.artifacts import (
+    key_of,
+    read_actions,
+    read_individuals,
+    read_inputs,
+    read_lineage,
+    read_networks,
+    task_of,
+)
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
+
+# A method, the name of its checkpoint, stream and table, and the columns that count.
+PARTS = {
+    "QL": ("target_learn", "episode", "score"),
+    "ER": ("target_er", "episodes", "best"),
+    "ER+transfer": ("target_er_transfer", "episodes", "best"),
+}
+
+
+def transfer_stage(run: Run[RunSettings], workers: int) -> None:
+    """The target set: generalisation.csv without learning, then transfer.csv with Q-learning, ER, ER + transfer."""
+    domains = task_of(run).target_domains(run.settings.source)
+    networks = read_networks(run)
+    if not run.file("generalisation.csv").exists():
+        files.write_csv(run.file("generalisation.csv"), _generalisation(run, domains, networks))
+    if not run.file("target_learn.csv").exists():
+        episodes = run.settings.target_episodes
+        learned(run, domains, "target_learning", episodes, "target_learn", "target_learn.csv", networks)
+    for method, (name, *_) in PARTS.items():
+        if method != "QL" and not run.file(f"{name}.csv").exists():
+            front = read_individuals(run, "pareto.npz").genomes if method == "ER+transfer" else None
+            problem = problem_on(run, domains, name, workers)
+            evolved(run, problem, run.settings.target_generations, name, f"{name}.csv", front)
+    rows: dict[str, list] = {"method": [], "episodes": [], "score": []}
+    for method, (name, episodes_column, score_column) in PARTS.items():
+        columns = files.read_csv(run.file(f"{name}.csv"))
+        rows["method"] += [method] * len(columns[episodes_column])
+        rows["episodes"] += columns[episodes_column]
+        rows["score"] += columns[score_column]
+    files.write_csv(run.file("transfer.csv"), rows)
+
+
+def _generalisation(run: Run[RunSettings], domains: Domain, networks: QNetworks) -> dict[str, list]:
+    """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
+    task, key = task_of(run), key_of(run, "tests")
+    best = read_lineage(run).take(slice(-1, None))
+    # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
+    evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
+    tests = np.asarray(evaluated.scores)[0]
+    of_network = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
+    of_policy = policy.evaluate(
+        networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner
+    )
+    return {
+        "method": ["ER"] * len(of_network) + ["QL"] * len(of_network),
+        "domain": [*range(len(of_network)), *range(len(of_network))],
+        "score": [*map(float, of_network), *map(float, of_policy)],
+    }

@@ -1,0 +1,54 @@
+"""What the files of a run hold, as the values that the method works with."""
+
+import jax
+import numpy as np
+
+from qboot.envs.registry import get_task
+from qboot.envs.task import Task
+from qboot.extraction.actions import ActionSet
+from qboot.keys import key
+from qboot.neuroevolution.lineage import Individuals
+from qboot.qlearning.inputs import InputSet, input_set
+from qboot.qlearning.networks import QNetworks
+from qboot.study.store import files
+from qboot.study.store.runs import AnyRun
+
+
+def task_of(run: AnyRun) -> Task:
+    """The run's task, with its rollouts as long as the settings say."""
+    return get_task(run.settings.task, run.settings.physics)._replace(max_steps=run.settings.n_steps)
+
+
+def key_of(run: AnyRun, purpose: str) -> jax.Array:
+    """The random key of one purpose within the run."""
+    return key(jax.random.key(run.settings.seed), purpose)
+
+
+def read_individuals(run: AnyRun, name: str) -> Individuals:
+    """Individuals saved by a stage."""
+    return files.from_arrays(files.read_npz(run.file(name)), Individuals, run.file(name))
+
+
+def read_lineage(run: AnyRun) -> Individuals:
+    """The lineage of the best-of-run, oldest first."""
+    return read_individuals(run, "lineage.npz")
+
+
+def read_actions(run: AnyRun) -> ActionSet:
+    """The extracted actions."""
+    return files.from_arrays(files.read_npz(run.file("actions.npz")), ActionSet, run.file("actions.npz"))
+
+
+def read_selection(run: AnyRun) -> np.ndarray:
+    """The selected sensors, (lags, S) bool."""
+    return files.pick(files.read_npz(run.file("sensors.npz")), "selected", run.file("sensors.npz"))
+
+
+def read_inputs(run: AnyRun) -> InputSet:
+    """The selected sensors as inputs of the Q-networks."""
+    return input_set(read_selection(run))
+
+
+def read_networks(run: AnyRun) -> QNetworks:
+    """The Q-networks learned on the source set."""
+    return files.from_arrays(files.read_npz(run.file("qnets.npz")), QNetworks, run.file("qnets.npz"))
