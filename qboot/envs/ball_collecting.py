@@ -26,7 +26,7 @@ SPEED = 4.0  # wheel displacement per step at full command, in units
 BALLS_AT_START = 2  # the others appear when the switch is pulled
 LIGHT_HALF_OPENING = (math.pi / 2 + 0.01) / 2  # of a light detector, around +-pi/4
 STILL_THRESHOLD = 1e-4  # units and radians: less is standing still
-STILL_STEPS = 100  # a robot that stands still for longer is idle
+STILL_STEPS = 100  # the rollout of a robot that stands still for longer is truncated
 GRID = 12  # cells per side of the discretised trajectory
 
 
@@ -215,7 +215,7 @@ def step(domain: arenas.Arena, state: BallState, action: jax.Array) -> BallState
     )
 
 
-def is_idle(state: BallState) -> jax.Array:
+def truncated(state: BallState) -> jax.Array:
     """Whether the robot has stood still for more than 100 steps, () bool."""
     return state.still > STILL_STEPS
 
@@ -242,13 +242,13 @@ TASK = Task(
     effectors=EFFECTORS,
     sources=tuple(arenas.ARENAS),
     max_steps=10_000,
-    tests_per_domain=1,
+    rollouts_per_domain=1,
     max_score_per_domain=4,
     reward=REWARD,
     feed_forward=False,
     reset=reset,
     step=step,
-    is_idle=is_idle,
+    truncated=truncated,
     source_domains=arenas.source_domains,
     target_domains=arenas.target_domains,
     position=position,

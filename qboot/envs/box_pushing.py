@@ -106,7 +106,7 @@ def step(move: Callable[..., arm.Motion], domain: blocks.Block, state: PushState
     )
 
 
-def is_idle(state: PushState) -> jax.Array:
+def truncated(state: PushState) -> jax.Array:
     """Never: a test is over at its first contact or after its steps, () bool."""
     del state
     return jnp.array(False)
@@ -141,13 +141,13 @@ def task(physics: str = "mjx") -> Task:
         effectors=EFFECTORS,
         sources=("A",),
         max_steps=300,
-        tests_per_domain=5,
+        rollouts_per_domain=5,
         max_score_per_domain=5,
         reward=REWARD,
         feed_forward=True,
         reset=reset,
         step=functools.partial(step, PHYSICS[physics]),
-        is_idle=is_idle,
+        truncated=truncated,
         source_domains=blocks.source_domains,
         target_domains=blocks.target_domains,
         position=position,

@@ -26,22 +26,22 @@ Domain = Any  # a pytree of arrays: walls, positions, sizes; a set of domains ha
 class Task(NamedTuple):
     """A robot task as pure functions on arrays (all of them work under jit, vmap and scan).
 
-    A *test* is one run of a controller in one domain. An *episode* (one evaluation of a policy) is
-    `tests_per_domain` tests in each domain of a set. The score of an episode is the number of rewards earned.
+    A *timestep* is one primitive step, a *rollout* one run of a controller in one domain. An *episode*, one evaluation
+    of a policy, is `rollouts_per_domain` rollouts in each domain of a set; its score is the number of rewards earned.
     """
 
     name: str
     sensors: tuple[str, ...]
     effectors: tuple[str, ...]
     sources: tuple[str, ...]  # names of the source domain sets
-    max_steps: int  # steps of one test at most
-    tests_per_domain: int
+    max_steps: int  # timesteps of one rollout at most
+    rollouts_per_domain: int
     max_score_per_domain: int
     reward: float  # size of one reward (equations 7 and 8)
     feed_forward: bool  # whether evolved networks must be acyclic (appendix B)
     reset: Callable[[jax.Array, Domain], TaskState]  # (key, domain) -> state
     step: Callable[[Domain, TaskState, jax.Array], TaskState]  # (domain, state, (E,) commands in [0, 1]) -> state
-    is_idle: Callable[[TaskState], jax.Array]  # -> () bool: nothing happens any more, evaluating may stop here
+    truncated: Callable[[TaskState], jax.Array]  # -> () bool: nothing happens any more, a rollout may stop here
     source_domains: Callable[[str], Domain]  # source name -> domains (D, ...)
     target_domains: Callable[[str], Domain]  # source name -> domains (D, ...), none of them in the source
     position: Callable[[Domain, TaskState], jax.Array]  # -> () int32: cell of the discretised trajectory

@@ -228,7 +228,7 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
     evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
-    evolved = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
+    evolved = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
     return {
         "method": ["ER"] * len(evolved) + ["QL"] * len(evolved),
