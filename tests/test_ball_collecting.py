@@ -129,9 +129,9 @@ def test_standing_still_for_more_than_a_hundred_steps_is_being_idle():
     step = jax.jit(TASK.step)
     for _ in range(100):
         state = step(ARENA, state, stand)
-    assert not TASK.is_idle(state)
-    assert TASK.is_idle(step(ARENA, state, stand))
-    assert not TASK.is_idle(step(ARENA, step(ARENA, state, stand), creep))
+    assert not TASK.truncated(state)
+    assert TASK.truncated(step(ARENA, state, stand))
+    assert not TASK.truncated(step(ARENA, step(ARENA, state, stand), creep))
 
 
 def test_sensors_stay_in_range_on_a_random_walk():

@@ -79,7 +79,7 @@ def test_the_optimal_values_of_a_corridor_are_learned():
 
 def test_no_domain_is_forgotten():
     """The far goal's returns are always smaller than the near goal's, and still have their places."""
-    task = corridor((CELLS - 1, CELLS - 2), (0, CELLS - 2), tests_per_domain=2)
+    task = corridor((CELLS - 1, CELLS - 2), (0, CELLS - 2), rollouts_per_domain=2)
     problem_ = problem(task)
     state, info = learn(init(jax.random.key(1), *problem_), *problem_, 400)
     near, far = np.asarray(state.store.score)

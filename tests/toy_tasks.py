@@ -25,20 +25,20 @@ class ToyState(NamedTuple):
     where: jax.Array  # () int32
 
 
-def toy_task(name, sensors, max_steps, reward, reset, step, domains, tests_per_domain=1):
+def toy_task(name, sensors, max_steps, reward, reset, step, domains, rollouts_per_domain=1):
     return Task(
         name=name,
         sensors=tuple(f"sensor {i}" for i in range(sensors)),
         effectors=("drive",),
         sources=("A",),
         max_steps=max_steps,
-        tests_per_domain=tests_per_domain,
-        max_score_per_domain=tests_per_domain,
+        rollouts_per_domain=rollouts_per_domain,
+        max_score_per_domain=rollouts_per_domain,
         reward=reward,
         feed_forward=False,
         reset=reset,
         step=step,
-        is_idle=lambda state: jnp.array(False),
+        truncated=lambda state: jnp.array(False),
         source_domains=lambda source: domains,
         target_domains=lambda source: domains,
         position=lambda domain, state: state.where,
@@ -69,9 +69,11 @@ def corridor_step(domain, state, command):
     return corridor_state(domain, where, REWARD * arrives, state.done | arrives)
 
 
-def corridor(*domains, max_steps=60, tests_per_domain=1):
+def corridor(*domains, max_steps=60, rollouts_per_domain=1):
     domains = jnp.array(domains, jnp.int32)
-    return toy_task("corridor", CELLS + 1, max_steps, REWARD, corridor_reset, corridor_step, domains, tests_per_domain)
+    return toy_task(
+        "corridor", CELLS + 1, max_steps, REWARD, corridor_reset, corridor_step, domains, rollouts_per_domain
+    )
 
 
 def corridor_optimal_values(slopes, intercepts, durations, gamma, goal):

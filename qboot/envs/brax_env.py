@@ -22,7 +22,7 @@ class TaskEnv(Env):
         self.domain = jax.tree.map(jnp.asarray, domain)
 
     def reset(self, rng: jax.Array) -> State:
-        """State at the start of a test; `rng` is a jax random key."""
+        """State at the start of a rollout; `rng` is a jax random key."""
         return self._wrap(self.task.reset(rng, self.domain), {}, {})
 
     def step(self, state: State, action: jax.Array) -> State:

@@ -59,21 +59,21 @@ class View(NamedTuple):
 class Task(NamedTuple):
     """A robot task as pure functions on arrays (all of them work under jit, vmap and scan).
 
-    A *test* is one run of a controller in one domain. An *episode* (one evaluation of a policy) is
-    `tests_per_domain` tests in each domain of a set. The score of an episode is the number of rewards earned.
+    A *timestep* is one primitive step, a *rollout* one run of a controller in one domain. An *episode*, one evaluation
+    of a policy, is `rollouts_per_domain` rollouts in each domain of a set; its score is the number of rewards earned.
     """
 
     name: str
     sensors: tuple[str, ...]
     effectors: tuple[str, ...]
     sources: tuple[str, ...]  # names of the source domain sets
-    max_steps: int  # steps of one test at most
-    tests_per_domain: int
+    max_steps: int  # timesteps of one rollout at most
+    rollouts_per_domain: int
     max_score_per_domain: int
     reward: float  # size of one reward (equations 7 and 8)
     reset: Callable[[jax.Array, Domain], Any]  # (key, domain) -> TaskState
     step: Callable[[Domain, Any, jax.Array], Any]  # (domain, state, (E,) commands in [0, 1]) -> state
-    is_idle: Callable[[Any], jax.Array]  # state -> () bool: nothing happens any more, evaluating may stop here
+    truncated: Callable[[Any], jax.Array]  # state -> () bool: nothing happens any more, a rollout may stop here
     source_domains: Callable[[str], Domain]  # source name -> domains (D, ...)
     target_domains: Callable[[str], Domain]  # source name -> domains (D, ...), none of them in the source
     position: Callable[[Domain, Any], jax.Array]  # -> () int32 >= 0: cell of the discretised trajectory

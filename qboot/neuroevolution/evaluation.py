@@ -50,7 +50,7 @@ class Evaluation(NamedTuple):
 
 def tests_of(task: Task, domains: Domain) -> tuple[Domain, int]:
     """The domain of each test of an episode, leading axis n, and n."""
-    tests = jax.tree.map(lambda leaf: jnp.repeat(jnp.asarray(leaf), task.tests_per_domain, axis=0), domains)
+    tests = jax.tree.map(lambda leaf: jnp.repeat(jnp.asarray(leaf), task.rollouts_per_domain, axis=0), domains)
     return tests, len(jax.tree.leaves(tests)[0])
 
 
@@ -128,7 +128,7 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
 
 def _goes_on(task: Task, states: TaskState) -> jax.Array:
     """Which tests (L,) are neither done nor idle."""
-    return ~states.done & ~jax.vmap(task.is_idle)(states)
+    return ~states.done & ~jax.vmap(task.truncated)(states)
 
 
 @partial(jax.jit, static_argnames=("task", "topology", "recorder"))

@@ -109,13 +109,13 @@ def learn(
 ) -> tuple[LearnerState, EpisodeInfo]:
     """Learn for `n_episodes` episodes; everything else as given to `init`.
 
-    An episode is `task.tests_per_domain` tests in each domain, one domain after the other, with an update
+    An episode is `task.rollouts_per_domain` tests in each domain, one domain after the other, with an update
     after every action; then the replay. Learning 10 episodes twice is learning 20 at once, to the byte.
 
     Returns the state and one `EpisodeInfo` per episode, stacked on a leading axis.
     """
     n_domains = jax.tree.leaves(domains)[0].shape[0]
-    n_tests = n_domains * task.tests_per_domain
+    n_tests = n_domains * task.rollouts_per_domain
     capacity = state.store.actions.shape[-1]
 
     def episode(state: LearnerState, _: None) -> tuple[LearnerState, EpisodeInfo]:
@@ -124,7 +124,7 @@ def learn(
 
         def test(carry: tuple[QNetworks, Trajectory], index: jax.Array) -> tuple:
             networks, store = carry
-            place = index // task.tests_per_domain
+            place = index // task.rollouts_per_domain
             domain = jax.tree.map(lambda leaf: leaf[place], domains)
             test_key = jax.random.fold_in(key, index)
             ended = run_test(networks, test_key, task, domain, actions, inputs, settings, exploration, capacity)
@@ -145,7 +145,7 @@ def learn(
             networks, jax.random.fold_in(key, n_tests), store, usable_actions(actions), settings
         )
         score, discounted_return, steps, decisions = (
-            jnp.sum(leaf.reshape(n_domains, task.tests_per_domain), axis=1) for leaf in per_test
+            jnp.sum(leaf.reshape(n_domains, task.rollouts_per_domain), axis=1) for leaf in per_test
         )
         info = EpisodeInfo(
             score,

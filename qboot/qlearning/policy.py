@@ -43,14 +43,14 @@ def evaluate(
     inputs: InputSet,
     settings: LearnerSettings,
 ) -> jax.Array:
-    """Return the score (D,) of the greedy policy in each domain, summed over `task.tests_per_domain` tests.
+    """Return the score (D,) of the greedy policy in each domain, summed over `task.rollouts_per_domain` tests.
 
     Nothing is learned. `domains` may be other ones than those of the training, and of any number.
     """
     n_domains = jax.tree.leaves(domains)[0].shape[0]
 
     def score(index: jax.Array) -> jax.Array:
-        domain = jax.tree.map(lambda leaf: leaf[index // task.tests_per_domain], domains)
+        domain = jax.tree.map(lambda leaf: leaf[index // task.rollouts_per_domain], domains)
 
         def decide(carry: tuple[Situation, jax.Array]) -> tuple[Situation, jax.Array]:
             situation, total = carry
@@ -62,8 +62,8 @@ def evaluate(
         _, total = lax.while_loop(lambda carry: is_ongoing(task, carry[0]), decide, (situation, jnp.float32(0)))
         return total / task.reward
 
-    scores = lax.map(score, jnp.arange(n_domains * task.tests_per_domain))
-    return jnp.sum(scores.reshape(n_domains, task.tests_per_domain), axis=1)
+    scores = lax.map(score, jnp.arange(n_domains * task.rollouts_per_domain))
+    return jnp.sum(scores.reshape(n_domains, task.rollouts_per_domain), axis=1)
 
 
 @partial(jax.jit, static_argnames=("task", "settings"))

@@ -32,7 +32,7 @@ ARENAS = {
 
 
 class Placement(NamedTuple):
-    """Where things are at the start of a test, in units and radians."""
+    """Where things are at the start of a rollout, in units and radians."""
 
     start: tuple[float, float, float]
     balls: tuple[tuple[float, float], ...]

@@ -26,7 +26,7 @@ SPEED = 4.0  # wheel displacement per step at full command, in units
 BALLS_AT_START = 2  # the others appear when the switch is pulled
 LIGHT_HALF_OPENING = (math.pi / 2 + 0.01) / 2  # of a light detector, around +-pi/4
 STILL_THRESHOLD = 1e-4  # units and radians: less is standing still
-STILL_STEPS = 100  # a robot that stands still for longer is idle
+STILL_STEPS = 100  # the rollout of a robot that stands still for longer is truncated
 GRID = 12  # cells per side of the discretised trajectory
 
 
@@ -39,11 +39,11 @@ class Posture(NamedTuple):
 
 
 class BallState(NamedTuple):
-    """State of one test; the first three fields are those of every task."""
+    """State of one rollout; the first three fields are those of every task."""
 
     observation: jax.Array  # (13,) in [0, 1], in the order of SENSORS
     reward: jax.Array  # () 100 when a ball just dropped into the basket (equation 7)
-    done: jax.Array  # () bool, never: a test goes on for all of its steps
+    done: jax.Array  # () bool, never: a rollout goes on for all of its steps
     posture: Posture
     balls: jax.Array  # (4, 2) where each ball is, or was dropped
     taken: jax.Array  # (4,) bool, picked up at some time
@@ -156,7 +156,7 @@ def present_balls(taken: jax.Array, switch_pulled: jax.Array) -> jax.Array:
 
 
 def reset(key: jax.Array, domain: Arena) -> BallState:
-    """State at the start of a test. The task is deterministic: `key` is not used."""
+    """State at the start of a rollout. The task is deterministic: `key` is not used."""
     del key
     posture = Posture(domain.start[0], domain.start[1], domain.start[2])
     taken = jnp.zeros(domain.balls.shape[0], bool)
@@ -215,7 +215,7 @@ def step(domain: Arena, state: BallState, action: jax.Array) -> BallState:
     )
 
 
-def is_idle(state: BallState) -> jax.Array:
+def truncated(state: BallState) -> jax.Array:
     """Whether the robot has stood still for more than 100 steps, () bool."""
     return state.still > STILL_STEPS
 

@@ -1,4 +1,4 @@
-"""The domains of box pushing: three source and three target blocks (paper, figure 11), and where tests start.
+"""The domains of box pushing: three source and three target blocks (paper, figure 11), and where rollouts start.
 
 The source sizes are the recorded ones. The target sizes are ours, chosen between and just below them by the
 same rule of growth: side 0.03 + 0.02 w and height 0.04 + 0.01 w metres, with w = 1, 2, 3 for the source and
@@ -19,7 +19,7 @@ TABLE_TOP = 0.69  # m
 TABLE_LOW = np.array([-0.15, -0.55], np.float32)  # x, y of the table's edges
 TABLE_HIGH = np.array([0.55, 0.55], np.float32)
 
-# Where a test starts. A block too far in y leaves the hand no room to push; no recorded one has y > -0.05.
+# Where a rollout starts. A block too far in y leaves the hand no room to push; no recorded one has y > -0.05.
 BLOCK_LOW = np.array([0.16, -0.26], np.float32)  # x, y of the block's centre
 BLOCK_HIGH = np.array([0.53, -0.05], np.float32)
 HAND_LOW = np.array([0.08, -0.34, 0.72], np.float32)

@@ -1,6 +1,6 @@
 """The dynamics of box pushing (paper, section VI): a robotic arm pushes a block to the left, towards minus y.
 
-A test ends at the first contact between hand and block. It succeeds when the hand touches the block's right
+A rollout ends at the first contact between hand and block. It succeeds when the hand touches the block's right
 face, centred. As in the recorded original, the contact is seen in the step after the one that made hand and
 block overlap; in that step the block shifts. Lengths are in metres.
 """
@@ -35,7 +35,7 @@ GRID = np.array([6, 6, 4])  # cells of the discretised trajectory over the hand'
 
 
 class PushState(NamedTuple):
-    """State of one test; the first three fields are those of every task."""
+    """State of one rollout; the first three fields are those of every task."""
 
     observation: jax.Array  # (13,) in [0, 1], in the order of SENSORS
     reward: jax.Array  # () 10 when the block was just shifted to the left (equation 8)
@@ -64,7 +64,7 @@ def observe(domain: Block, hand: jax.Array, block: jax.Array) -> jax.Array:
 
 
 def state_at(domain: Block, hand: jax.Array, block: jax.Array) -> PushState:
-    """The state of a test that starts with centres `hand` (3,) and `block` (3,)."""
+    """The state of a rollout that starts with centres `hand` (3,) and `block` (3,)."""
     return PushState(
         observation=observe(domain, hand, block),
         reward=jnp.float32(0.0),
@@ -76,7 +76,7 @@ def state_at(domain: Block, hand: jax.Array, block: jax.Array) -> PushState:
 
 
 def reset(key: jax.Array, domain: Block) -> PushState:
-    """State at the start of a test: random places of hand and block that do not touch."""
+    """State at the start of a rollout: random places of hand and block that do not touch."""
     return state_at(domain, *domains.draw_start(key, domain))
 
 
@@ -103,8 +103,8 @@ def step(move: Callable[..., arm.Motion], domain: Block, state: PushState, actio
     )
 
 
-def is_idle(state: PushState) -> jax.Array:
-    """Never: a test is over at its first contact or after its steps, () bool."""
+def truncated(state: PushState) -> jax.Array:
+    """Never: a rollout is over at its first contact or after its steps, () bool."""
     del state
     return jnp.array(False)
 

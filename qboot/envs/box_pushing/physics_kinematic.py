@@ -1,6 +1,6 @@
 """Closed-form physics of box pushing, the fast twin of `physics_mjx`.
 
-The hand keeps no velocity and a test ends at its first contact, so hand, contact and face are exact. The
+The hand keeps no velocity and a rollout ends at its first contact, so hand, contact and face are exact. The
 block's shift in the contact step is quasi-static: fixed shares of the hand's advance and of the overlap.
 """
 

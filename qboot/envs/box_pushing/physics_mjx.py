@@ -1,8 +1,8 @@
 """MuJoCo (MJX) physics of box pushing, the physics of record.
 
 MuJoCo moves the hand and the block, finds their contact and its normal. Between two steps only the positions
-are kept, which makes tests small and cheap to drop: the sliders keep no velocity, and the block rests until
-the first contact, which ends the test.
+are kept, which makes rollouts small and cheap to drop: the sliders keep no velocity, and the block rests until
+the first contact, which ends the rollout.
 """
 
 import functools

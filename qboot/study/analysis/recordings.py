@@ -44,7 +44,7 @@ def evolved(run: Run) -> list[Recording]:
             _joined(_at(states, (0, test)), _at(finals, (0, test)), found.steps[0, test]),
             actions=None,
         )
-        for test in range(0, n_tests, problem.task.tests_per_domain)
+        for test in range(0, n_tests, problem.task.rollouts_per_domain)
     ]
 
 
@@ -55,7 +55,7 @@ def learned(run: Run) -> list[Recording]:
     networks, key = read_networks(run), key_of(run, "tests")
     domains, n_tests = evaluation.tests_of(task, task.source_domains(run.settings.source))
     found = []
-    for test in range(0, n_tests, task.tests_per_domain):
+    for test in range(0, n_tests, task.rollouts_per_domain):
         domain = _at(domains, test)
         played = jax.device_get(policy.rollout(networks, jax.random.fold_in(key, test), task, domain, *parts))
         steps = int(played.mask.sum())

@@ -60,7 +60,7 @@ def _generalisation(run: Run[RunSettings], domains: Domain, networks: QNetworks)
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
     evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
-    of_network = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
+    of_network = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     of_policy = policy.evaluate(
         networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner
     )
