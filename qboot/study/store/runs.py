@@ -43,15 +43,15 @@ class Run(Generic[Settings]):
     @property
     def label(self) -> str:
         """A short name for people."""
-        return f"{name_of_task(self)} {self.settings.source}-{self.settings.seed}"
+        return f"{self.task_name} {self.settings.source}-{self.settings.seed}"
+
+    @property
+    def task_name(self) -> str:
+        """The short name of the task, also when the settings tell it by where it is defined."""
+        return get_task(self.settings.task).name
 
 
 AnyRun = Run[RunSettings] | Run[CellSettings]
-
-
-def name_of_task(run: AnyRun) -> str:
-    """The short name of a run's task, also when the task is told by where it is defined."""
-    return get_task(run.settings.task).name
 
 
 def create(folder: Path, settings: Settings) -> Run[Settings]:

@@ -1,0 +1,111 @@
+"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study."""
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+from qboot.envs.registry import canonical, get_task
+from qboot.extraction.segmentation import Segments
+from qboot.study.controls.conditions import Evolved, conditions
+from qboot.study.pipeline import extracting
+from qboot.study.store import files, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings, RunSettings
+
+Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
+
+
+def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Cells:
+    """The cells of an experiment, begun now or earlier, and the evolved run of each.
+
+    Args:
+        study: folder of the study, with finished runs of the task.
+        task_name: as `qboot.envs.get_task` finds it.
+        what: the experiment.
+        profile: name of the profile, to be kept with the cells.
+        n_runs: cells per condition, >= 1.
+        n_episodes: of Q-learning, >= 1.
+        lanes: learners side by side in a program, >= 1.
+
+    Raises:
+        ValueError: for an unknown task or experiment, or a number below 1.
+        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings.
+    """
+    for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
+        if value < 1:
+            raise ValueError(f"{name} is {value}: at least 1 is needed")
+    task = get_task(task_name)
+    names = conditions(task, what)
+    evolved = _evolved(study, task.name)
+    cells = {}
+    for condition in names:
+        for seed in range(n_runs):
+            folder = folder_of(study, task.name, what) / condition / str(seed)
+            # A cell stays with its evolved run when there are more of them later.
+            known = runs.load(folder, CellSettings).settings.evolved if (folder / "config.json").exists() else None
+            by_name = {run.folder.name: run for run in evolved}
+            if known is not None and known not in by_name:
+                raise RunError(f"{folder} was begun from the run {known}, which is gone: make it again, or delete both")
+            run = by_name[known] if known else evolved[seed % len(evolved)]
+            actions = run.settings.actions
+            settings = CellSettings(
+                task=canonical(task_name),
+                source=run.settings.source,
+                physics=run.settings.physics,
+                seed=seed,
+                profile=profile,
+                n_steps=run.settings.n_steps,
+                what=what,
+                condition=condition,
+                evolved=run.folder.name,
+                actions=replace(actions, n_actions=int(condition)) if what == "n_actions" else actions,
+                learner=run.settings.learner,
+                episodes=n_episodes,
+                lanes=lanes,
+            )
+            cells[runs.create(folder, settings)] = run
+    return cells
+
+
+def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
+    """The finished cells of an experiment by condition; conditions without any are left out."""
+    found = {}
+    for condition in conditions(get_task(task_name), what):
+        folders = (folder_of(study, get_task(task_name).name, what) / condition).glob("*/qlearning.csv")
+        by_seed = sorted(folders, key=lambda path: int(path.parent.name))
+        if by_seed:
+            found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
+    return found
+
+
+def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
+    """Write what a cell learns with: actions.npz and sensors.npz, as the stage extract does for a run."""
+    if cell.file("actions.npz").exists() and cell.file("sensors.npz").exists():
+        return
+    settings = cell.settings
+    condition = conditions(get_task(settings.task), settings.what)[settings.condition]
+    origin = Evolved(evolved, lambda: _segments(evolved))
+    files.write_npz(cell.file("actions.npz"), files.to_arrays(condition.actions(settings, origin)))
+    files.write_npz(cell.file("sensors.npz"), {"selected": condition.sensors(settings, origin)})
+
+
+def folder_of(study: Path, task: str, what: str) -> Path:
+    """Where the cells of an experiment are, CONDITION/SEED below it; `task` is its short name."""
+    return study / "ablations" / task / what
+
+
+def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
+    """Runs that actions and sensors were extracted from, the sources in turn."""
+    ready = [run for run in runs.find(study) if run.task_name == task and run.file("sensors.npz").exists()]
+    if not ready:
+        raise RunError(
+            f"{study} has no run of {task} with extracted actions and sensors: "
+            "make some with `qboot reproduce`, or with `qboot evolve` and `qboot extract`"
+        )
+    return sorted(ready, key=lambda run: (run.settings.seed, run.settings.source))
+
+
+@functools.lru_cache(maxsize=1)
+def _segments(evolved: Run[RunSettings]) -> Segments:
+    return extracting.segments_of(evolved, extracting.replayed(evolved, workers=1))
