@@ -11,6 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs import make_task
 from qboot.envs.types import Domain, Task
 from qboot.extraction.actions import ActionSet, cluster_actions
@@ -22,9 +23,7 @@ from qboot.neuroevolution.behaviour import STATES
 from qboot.neuroevolution.dnn import Genome
 from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
 from qboot.neuroevolution.lineage import Individuals, best_of, lineage
-from qboot.qlearning import learner, policy
-from qboot.qlearning.inputs import InputSet, input_set
-from qboot.qlearning.networks import QNetworks
+from qboot.qlearning import InputSet, QNetworks, input_set
 from qboot.study import files, learning
 from qboot.study.files import RunError
 from qboot.study.progress import Progress
@@ -71,6 +70,17 @@ def key_of(run: Run, purpose: str) -> jax.Array:
 def source_problem(run: Run, workers: int) -> Problem:
     """The run's neuro-evolution on the source set."""
     return _problem(run, task_of(run).source_domains(run.settings.source), "evolution", workers)
+
+
+def learning_problem(run: Run, domains: Domain) -> qlearning.Problem:
+    """Q-learning in some domains of the run's task, with what was extracted.
+
+    Raises:
+        ValueError: if what was extracted does not fit the task or the settings.
+    """
+    problem = qlearning.Problem(task_of(run), run.settings.learner, domains, read_actions(run), read_inputs(run))
+    qlearning.check_problem(problem)
+    return problem
 
 
 def evolve_stage(run: Run, workers: int) -> None:
@@ -229,7 +239,7 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
     evolved = tests.reshape(-1, task.tests_per_domain).sum(axis=1)
-    learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
+    learned = qlearning.evaluate(networks, key, learning_problem(run, domains))
     return {
         "method": ["ER"] * len(evolved) + ["QL"] * len(evolved),
         "domain": [*range(len(evolved)), *range(len(evolved))],
@@ -287,16 +297,15 @@ def _learned(
     networks: QNetworks | None = None,
 ) -> QNetworks:
     """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over."""
-    task, settings = task_of(run), run.settings.learner
-    actions, inputs = read_actions(run), read_inputs(run)
-    state = learner.init(key_of(run, purpose), task, domains, actions, inputs, settings, networks=networks)
+    problem = learning_problem(run, domains)
+    state = qlearning.init(key_of(run, purpose), problem, networks=networks)
     checkpoint = run.file(f"{name}.checkpoint.npz")
     progressing = learning.begin(state, checkpoint)
     done = int(progressing.state.episode)
     saved = time.monotonic()
     with Progress(f"{name} {run.label}", "episode", n_episodes, done) as progress:
         for size in learning.call_sizes(done, n_episodes):
-            state, info = learner.learn(progressing.state, task, domains, actions, inputs, settings, size)
+            state, info = qlearning.learn(progressing.state, problem, size)
             progressing = learning.after(progressing, state, info)
             scores = progressing.history["score"]
             progress.update(len(scores), best=max(scores), recent=float(np.mean(scores[-size:])))

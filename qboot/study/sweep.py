@@ -7,30 +7,22 @@ interrupted, deleted and made again one by one.
 import time
 import zlib
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.types import Domain
-from qboot.extraction.actions import ActionSet
-from qboot.qlearning import learner
-from qboot.qlearning.inputs import InputSet, input_set
+from qboot import qlearning
+from qboot.qlearning import Problem, input_set
 from qboot.study import ablations, files, learning
 from qboot.study.learning import Learning
 from qboot.study.progress import Progress
 from qboot.study.runs import Run
 from qboot.study.stages import key_of, read_actions, read_selection, task_of
 
-
-class Lane(NamedTuple):
-    """What one learner of a program is given; all lanes of a program have the same shapes."""
-
-    domains: Domain
-    actions: ActionSet
-    inputs: InputSet
+learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
+"""`qlearning.learn` for stacked states and problems (leading axis)."""
 
 
 class Shape(NamedTuple):
@@ -80,25 +72,22 @@ def shape_of(cells: list[Run]) -> Shape:
     )
 
 
-def lane_of(cell: Run, shape: Shape) -> Lane:
-    """A cell's domains, actions and inputs, padded."""
+def problem_of(cell: Run, shape: Shape) -> Problem:
+    """What a cell learns, its actions and inputs padded."""
     actions = read_actions(cell)
     missing = shape.n_actions - len(actions.durations)
     padded = jax.tree.map(lambda leaf: np.pad(leaf, [(0, missing)] + [(0, 0)] * (leaf.ndim - 1)), actions)
     inputs = input_set(read_selection(cell), shape.n_inputs)
-    return Lane(task_of(cell).source_domains(cell.settings.source), padded, inputs)
+    task = task_of(cell)
+    problem = Problem(task, cell.settings.learner, task.source_domains(cell.settings.source), padded, inputs)
+    qlearning.check_problem(problem)
+    return problem
 
 
 def key_of_cell(cell: Run) -> jax.Array:
     """The random key of a cell: of its seed, and of its condition, so that conditions are independent samples."""
     name = f"{cell.settings.what} {cell.settings.condition}"
     return jax.random.fold_in(key_of(cell, "learning"), zlib.crc32(name.encode()))
-
-
-@partial(jax.jit, static_argnames=("task", "settings", "n_episodes"))
-def learn_lanes(states, task, lanes: Lane, settings, n_episodes: int):
-    """`learner.learn` for stacked states and lanes (leading axis)."""
-    return jax.vmap(lambda state, lane: learner.learn(state, task, *lane, settings, n_episodes))(states, lanes)
 
 
 def _blocks(started: dict[Run, Learning], lanes: int) -> list[dict[Run, Learning]]:
@@ -111,8 +100,7 @@ def _blocks(started: dict[Run, Learning], lanes: int) -> list[dict[Run, Learning
 
 
 def _begin(cell: Run, shape: Shape) -> Learning:
-    lane = lane_of(cell, shape)
-    state = learner.init(key_of_cell(cell), task_of(cell), *lane, cell.settings.learner, shape.capacity)
+    state = qlearning.init(key_of_cell(cell), problem_of(cell, shape), shape.capacity)
     return learning.begin(state, cell.file("learn.checkpoint.npz"))
 
 
@@ -120,14 +108,13 @@ def _learn_block(block: dict[Run, Learning], shape: Shape, report) -> None:
     """Learn in a block of cells, side by side, to their ends."""
     cells, begun = list(block), list(block.values())
     settings = cells[0].settings
-    task = task_of(cells[0])
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
     places = [min(i, len(cells) - 1) for i in range(settings.lanes)]
-    lanes = _stack([lane_of(cells[i], shape) for i in places])
+    problems = _stack([problem_of(cells[i], shape) for i in places])
     states = _stack([begun[i].state for i in places])
     done, saved = len(begun[0].history["episode"]), time.monotonic()
     for size in learning.call_sizes(done, settings.episodes):
-        states, info = learn_lanes(states, task, lanes, settings.learner, size)
+        states, info = learn_side_by_side(states, problems, size)
         begun = [learning.after(each, _take(states, i), _take(info, i)) for i, each in enumerate(begun)]
         done += size
         is_over = done == settings.episodes
