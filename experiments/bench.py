@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs import PHYSICS, make_task
 from qboot.extraction.actions import ActionSet
 from qboot.extraction.baselines import HUMAN_ACTIONS, human_sensors
@@ -27,10 +28,9 @@ from qboot.neuroevolution.behaviour import RECORDERS
 from qboot.neuroevolution.diversity import DIVERSITIES
 from qboot.neuroevolution.dnn import Topology
 from qboot.neuroevolution.evolve import EvolutionSettings, Problem
-from qboot.qlearning import learner
-from qboot.qlearning.inputs import input_set
-from qboot.study.controls.sweep import Lane, learn_lanes
+from qboot.qlearning import input_set
 from qboot.study.pipeline.profiles import LANES, LEARNERS
+from qboot.study.controls.sweep import learn_side_by_side
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
 REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}
@@ -124,11 +124,10 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
 def q_learning(n_episodes: int) -> dict:
     """Episodes of Q-learning on ball collecting with the human-designed actions, one thread."""
     task = make_task("ball_collecting", "fastsim")
-    domains = task.source_domains("A")
     actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS["ball_collecting"]()))
-    inputs, settings = input_set(np.ones((3, 13), bool)), LEARNERS["ball_collecting"]
-    state = learner.init(jax.random.key(0), task, domains, actions, inputs, settings)
-    run = partial(learner.learn, state, task, domains, actions, inputs, settings, n_episodes)
+    inputs = input_set(np.ones((3, 13), bool))
+    problem = qlearning.Problem(task, LEARNERS["ball_collecting"], task.source_domains("A"), actions, inputs)
+    run = partial(qlearning.learn, qlearning.init(jax.random.key(0), problem), problem, n_episodes)
     started = time.perf_counter()
     jax.block_until_ready(run())
     first = time.perf_counter() - started
@@ -143,21 +142,18 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     are the same in every episode; `weights` is the largest difference of a weight, over the largest weight.
     """
     task = make_task(name, PHYSICS[name][0])
-    lane = Lane(
-        task.source_domains("A"),
-        ActionSet(*map(jnp.asarray, HUMAN_ACTIONS[name]())),
-        input_set(human_sensors(name)),
-    )
-    settings = LEARNERS[name]
-    alone = [learner.init(key, task, *lane, settings) for key in jax.random.split(jax.random.key(0), n_seeds)]
+    actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS[name]()))
+    inputs = input_set(human_sensors(name))
+    problem = qlearning.Problem(task, LEARNERS[name], task.source_domains("A"), actions, inputs)
+    alone = [qlearning.init(key, problem) for key in jax.random.split(jax.random.key(0), n_seeds)]
     blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
-    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), lane)
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), problem)
 
     def side_by_side():
-        return [learn_lanes(block, task, stacked, settings, n_episodes) for block in blocks]
+        return [learn_side_by_side(block, stacked, n_episodes) for block in blocks]
 
     def one_by_one():
-        return [learner.learn(state, task, *lane, settings, n_episodes) for state in alone]
+        return [qlearning.learn(state, problem, n_episodes) for state in alone]
 
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):

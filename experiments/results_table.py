@@ -17,7 +17,7 @@ from qboot.study.analysis.curves import runs_below
 from qboot.study.analysis.measures import MEASURES
 from qboot.study.analysis.statistics import quartiles
 from qboot.study.controls import conditions as ablations
-from qboot.study.report.page import as_number
+from qboot.study.report.page.page import as_number
 from qboot.study.store import files
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

@@ -171,21 +171,21 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
 
 
 def _replay(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study.report import player as replay
+    from qboot.study.report.page import player as replay
     from qboot.study.store import runs
 
     print(replay.write(runs.load(options.out)))
 
 
 def _report(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study.report import page as report
+    from qboot.study.report.page import page as report
 
     print(report.write(options.out))
 
 
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
-    from qboot.study.report import page as report
+    from qboot.study.report.page import page as report
 
     out = options.out or Path("results") / options.profile
     runner.share_compiled_programs(out)

@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 from conftest import TINY_SWEEP, begin_cells
 
+from qboot import qlearning
 from qboot.envs import TASKS
 from qboot.extraction import baselines
-from qboot.qlearning import learner
-from qboot.qlearning.inputs import input_set
 from qboot.study.controls import conditions as ablations
+from qboot.study.store import files
+from qboot.study.pipeline import learning
+from qboot.study.store import runs
+from qboot.study.pipeline import stages
 from qboot.study.controls import sweep
 from qboot.study.controls.conditions import CellSettings
-from qboot.study.pipeline import learning, stages
-from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
 
 
@@ -83,10 +84,9 @@ def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
     cells = [cell for some in ablations.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
     shape = sweep.shape_of(cells)
     for cell in cells[::3]:
-        task = stages.task_of(cell)
-        parts = task.source_domains("A"), stages.read_actions(cell), input_set(stages.read_selection(cell))
-        state = learner.init(sweep.key_of_cell(cell), task, *parts, cell.settings.learner, shape.capacity)
-        _, info = learner.learn(state, task, *parts, cell.settings.learner, TINY_SWEEP["n_episodes"])
+        problem = stages.learning_problem(cell, stages.task_of(cell).source_domains("A"))
+        state = qlearning.init(sweep.key_of_cell(cell), problem, shape.capacity)
+        _, info = qlearning.learn(state, problem, TINY_SWEEP["n_episodes"])
         alone = learning.after(learning.begin(state, cell.file("none")), state, info).history
         together = files.read_csv(cell.file("qlearning.csv"))
         for name in learning.COLUMNS:
@@ -168,8 +168,8 @@ def test_padding_is_what_does_nothing(tiny_study):
     shape = sweep.shape_of(cells)
     assert shape.n_inputs == max(int(stages.read_selection(cell).sum()) for cell in cells)
     for cell in cells:
-        lane = sweep.lane_of(cell, shape)
-        assert lane.inputs.mask.sum() == stages.read_selection(cell).sum()
-        assert lane.actions.durations.shape == (shape.n_actions,)
-        assert jax.tree.leaves(lane.domains)[0].shape[0] == 2
+        problem = sweep.problem_of(cell, shape)
+        assert problem.inputs.mask.sum() == stages.read_selection(cell).sum()
+        assert problem.actions.durations.shape == (shape.n_actions,)
+        assert jax.tree.leaves(problem.domains)[0].shape[0] == 2
     assert set(TASKS) == set(ablations.SWEPT_N_ACTIONS)

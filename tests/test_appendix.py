@@ -13,9 +13,9 @@ from qboot.study.analysis import control_measures as ablation_measures
 from qboot.study.analysis.appendix import NOT_COMPARABLE
 from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER
 from qboot.study.controls import conditions as ablations
-from qboot.study.figures import catalogue as figures
+from qboot.study.figures.catalogue import catalogue as figures
 from qboot.study.pipeline import profiles
-from qboot.study.report import page as report
+from qboot.study.report.page import page as report
 from qboot.study.store import files, runs
 
 SEEDS = range(5)

@@ -9,25 +9,31 @@ import pytest
 from toy_tasks import CELLS, REWARD, SETTINGS, action_set, all_sensors, assert_same, corridor, problem, salary
 
 from qboot.qlearning import (
+    LEARNERS,
+    check_problem,
     epsilon,
+    evaluate,
     init,
     init_networks,
     input_set,
+    learn,
     q_value,
     q_values,
+    replay,
     smdp_target,
-    trajectory_capacity,
 )
 from qboot.qlearning.acting import choose
 from qboot.qlearning.inputs import read_inputs
 from qboot.qlearning.networks import network_of, train
 from qboot.qlearning.replay import empty_store, empty_trajectory, keep_best, replay_order, replayed_transition
-from qboot.qlearning.smdp import execute, start_test
+from qboot.qlearning.rewards import DiscountedReward, td_target
+from qboot.qlearning.smdp import execute, start_rollout
+from qboot.qlearning.updates import Transition
 
 
 def start(task, history="steps"):
-    settings = replace(SETTINGS, history=history)
-    return start_test(jax.random.key(0), task, task.source_domains("A")[0], settings), settings
+    problem_ = problem(task, replace(SETTINGS, history=history))
+    return problem_, start_rollout(jax.random.key(0), problem_, problem_.domain(0))
 
 
 def stored(*lengths):
@@ -56,18 +62,19 @@ def test_terminal_target_ignores_a_value_that_is_not_finite():
 
 def test_an_action_earns_what_equation_3_says():
     task = salary(max_steps=10)
-    situation, settings = start(task)
-    after, earned, rewards = execute(task, jnp.zeros(1), action_set(), jnp.int32(1), situation, settings)
-    assert (int(after.step), float(rewards)) == (3, 3)
-    assert earned.value == smdp_target(jnp.ones(3), settings.gamma, 7.0, True)
-    assert earned.value + earned.discount * 7 == smdp_target(jnp.ones(3), settings.gamma, 7.0, False)
+    problem_, smdp = start(task)
+    after, discounted, reward = execute(problem_, jnp.zeros(1), jnp.int32(1), smdp)
+    assert (int(after.step), float(reward)) == (3, 3)
+    np.testing.assert_allclose(discounted, (1 + 0.9 + 0.81, 0.729), rtol=1e-6)
+    assert td_target(discounted, 7.0, True) == smdp_target(jnp.ones(3), SETTINGS.gamma, 7.0, True)
+    assert td_target(discounted, 7.0, False) == smdp_target(jnp.ones(3), SETTINGS.gamma, 7.0, False)
 
 
-def test_an_action_stops_where_the_test_ends():
+def test_an_action_stops_where_the_rollout_ends():
     task = corridor((CELLS - 1, CELLS - 2))
-    situation, settings = start(task)
-    after, earned, rewards = execute(task, task.source_domains("A")[0], action_set(), jnp.int32(1), situation, settings)
-    assert (int(after.step), float(earned.value), float(rewards)) == (1, REWARD, REWARD)
+    problem_, smdp = start(task)
+    after, discounted, reward = execute(problem_, problem_.domain(0), jnp.int32(1), smdp)
+    assert (int(after.step), float(discounted.value), float(reward)) == (1, REWARD, REWARD)
 
 
 def test_initial_weights_do_not_depend_on_padding():
@@ -110,9 +117,9 @@ def test_inputs_are_read_from_the_history():
 @pytest.mark.parametrize(("history", "before"), [("steps", 2), ("decisions", 0)])
 def test_a_lag_counts_steps_or_decisions(history, before):
     task = salary(max_steps=10)
-    situation, settings = start(task, history=history)
-    situation, _, _ = execute(task, jnp.zeros(1), action_set(), jnp.int32(1), situation, settings)
-    np.testing.assert_array_equal(jnp.argmax(situation.history, axis=1), [3, before])
+    problem_, smdp = start(task, history=history)
+    smdp, _, _ = execute(problem_, jnp.zeros(1), jnp.int32(1), smdp)
+    np.testing.assert_array_equal(jnp.argmax(smdp.history, axis=1), [3, before])
 
 
 def test_epsilon_follows_the_paper():
@@ -120,14 +127,14 @@ def test_epsilon_follows_the_paper():
     np.testing.assert_allclose(epsilon(jnp.int32(99), SETTINGS), 0.14 * 0.99**100 + 0.01, rtol=1e-5)
 
 
-def test_choice_is_uniform_over_usable_actions_or_greedy():
-    usable = jnp.array([True, False, True, True, False])
+def test_choice_is_uniform_over_the_masked_actions_or_greedy():
+    action_mask = jnp.array([True, False, True, True, False])
     values = jnp.array([1.0, 9, 3, 2, 9])
     keys = jax.random.split(jax.random.key(0), 3000)
     choose_each = jax.jit(jax.vmap(choose, (0, None, None, None)))
-    explored = choose_each(keys, values, usable, 1.0)
-    np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, usable / 3, atol=0.03)
-    greedy = choose_each(keys, values, usable, 0.0)
+    explored = choose_each(keys, values, action_mask, 1.0)
+    np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, action_mask / 3, atol=0.03)
+    greedy = choose_each(keys, values, action_mask, 0.0)
     assert set(np.asarray(greedy)) == {2}
 
 
@@ -148,36 +155,94 @@ def test_replay_goes_through_each_trajectory_backwards():
 
 def test_the_best_trajectories_are_kept():
     store = empty_store(2, 2, capacity=3, n_inputs=1)
-    for length, score in enumerate((0.0, 5.0, 2.0, 5.0, 5.0, 1.0)):
-        trajectory = empty_trajectory(3, 1)._replace(score=jnp.float32(score), length=jnp.int32(length))
+    for length, value in enumerate((0.0, 5.0, 2.0, 5.0, 5.0, 1.0)):
+        trajectory = empty_trajectory(3, 1)._replace(discounted_return=jnp.float32(value), length=jnp.int32(length))
         store = keep_best(store, jnp.int32(1), trajectory)
-    np.testing.assert_array_equal(store.score, [[0, 0], [5, 5]])
-    # Of three trajectories with score 5, the two older ones.
+    np.testing.assert_array_equal(store.discounted_return, [[0, 0], [5, 5]])
+    # Of three trajectories with return 5, the two older ones.
     assert sorted(store.length[1].tolist()) == [1, 3]
 
 
 @pytest.mark.parametrize(
-    "values", [{"gamma": 1.1}, {"alpha": 0}, {"hidden": 0}, {"eta": -1}, {"history": "seconds"}, {"lags": 0}]
+    ("name", "value"),
+    [
+        ("gamma", 1.1),
+        ("gamma", np.nan),
+        ("epsilon_end", np.nan),
+        ("alpha", 0),
+        ("alpha", np.nan),
+        ("alpha", np.inf),
+        ("hidden", 0),
+        ("hidden", np.nan),
+        ("eta", -1),
+        ("eta", 1.5),
+        ("lags", 0),
+        ("history", "seconds"),
+        ("input_range", (1.0, 0.0)),
+        ("input_range", (0.0, np.inf)),
+        ("input_range", (np.nan, 1.0)),
+    ],
 )
-def test_settings_out_of_range_are_refused(values):
-    with pytest.raises(ValueError, match=next(iter(values))):
-        replace(SETTINGS, **values)
+def test_settings_out_of_range_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        replace(SETTINGS, **{name: value})
+
+
+def test_an_unknown_learner_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match=r"must be one of q_learning.*, got 'sarsa'"):
+        replace(SETTINGS, algorithm="sarsa")
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_every_learner_is_what_the_table_documents(name):
+    """Padding does not show, an inactive update changes nothing, and repeated updates come to their target."""
+    learner, mask = LEARNERS[name], jnp.array([True, False, True])
+    networks, inputs = learner.init(jax.random.key(0), 3, 2, 8), jnp.array([1.0, 0.5])
+    padded = learner.init(jax.random.key(0), 5, 4, 8)
+    np.testing.assert_allclose(learner.values(padded, jnp.pad(inputs, (0, 2)))[:3], learner.values(networks, inputs))
+    transition = Transition(inputs, jnp.int32(2), DiscountedReward(jnp.float32(3), 0.5), jnp.zeros(2), jnp.bool_(True))
+    same, _, error = learner.update(networks, transition, mask, 0.2, jnp.bool_(False))
+    assert_same(same, networks)
+    np.testing.assert_allclose(error, 3 - learner.values(networks, inputs)[2], rtol=1e-5)
+    store = replay.write(empty_trajectory(1, 2), jnp.int32(0), transition)
+    store = store._replace(inputs=store.inputs.at[0].set(inputs), length=jnp.int32(1))
+    store = jax.tree.map(lambda leaf: leaf[None, None], store)
+
+    def learn_once(networks, key):
+        networks, values, _ = learner.update(networks, transition, mask, 0.2, jnp.bool_(True))
+        expected = learner.values(networks, transition.next_inputs)
+        networks, error_sum, n = learner.replay(networks, key, store, mask, 0.2)
+        return networks, (values, expected, error_sum / n)
+
+    networks, (values, expected, errors) = jax.lax.scan(learn_once, networks, jax.random.split(jax.random.key(1), 200))
+    np.testing.assert_allclose(values, expected, rtol=1e-5, atol=1e-6)
+    assert errors[-1] < 0.01 < errors[0]
+    np.testing.assert_allclose(learner.values(networks, inputs)[2], 3, atol=0.01)
 
 
 def test_what_does_not_fit_is_refused():
-    task, domains, actions, inputs, settings = problem(corridor((CELLS - 1, 0)))
-    key = jax.random.key(0)
-    two_effectors = actions._replace(slopes=jnp.zeros((4, 2)), intercepts=jnp.zeros((4, 2)))
-    with pytest.raises(ValueError, match="effectors"):
-        init(key, task, domains, two_effectors, inputs, settings)
-    with pytest.raises(ValueError, match="lags"):
-        init(key, task, domains, actions, all_sensors(task, lags=3), settings)
-    with pytest.raises(ValueError, match="sensors"):
-        init(key, task, domains, actions, input_set(np.ones((1, 9))), settings)
+    problem_, key = problem(corridor((CELLS - 1, 0))), jax.random.key(0)
+    check_problem(problem_)
+    two_effectors = problem_.actions._replace(slopes=jnp.zeros((4, 2)), intercepts=jnp.zeros((4, 2)))
+    refused = {
+        "effectors": replace(problem_, actions=two_effectors),
+        "lags": replace(problem_, inputs=all_sensors(problem_.task, lags=3)),
+        "sensors": replace(problem_, inputs=input_set(np.ones((1, 9)))),
+        "duration": replace(problem_, actions=action_set([0], [0], [0])),
+    }
+    for word, odd in refused.items():
+        with pytest.raises(ValueError, match=word):
+            check_problem(odd)
     with pytest.raises(ValueError, match="networks"):
-        init(key, task, domains, actions, inputs, settings, networks=init_networks(key, 4, 2, 16))
-    with pytest.raises(ValueError, match="duration"):
-        trajectory_capacity(task, action_set([0], [0], [0]))
+        init(key, problem_, networks=init_networks(key, 4, 2, 16))
+    short = replace(problem_, actions=problem_.actions._replace(durations=jnp.ones(3, jnp.int32)))
+    state = init(key, problem_)
+    with pytest.raises(AssertionError, match="shape"):
+        init(key, short)
+    with pytest.raises(AssertionError, match="shape"):
+        learn(state, short, 1)
+    with pytest.raises(AssertionError, match="shape"):
+        evaluate(state.networks, key, short)
     with pytest.raises(ValueError, match="inputs"):
         input_set(np.ones((2, 3)), n_inputs=5)
     with pytest.raises(ValueError, match="shape"):

@@ -14,11 +14,11 @@ from qboot.study.analysis.measures import Sample
 from qboot.study.analysis.paper import Result
 from qboot.study.analysis.statistics import Comparison
 from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NOT_COMPARABLE
-from qboot.study.figures import catalogue as figures
+from qboot.study.figures.catalogue import catalogue as figures
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.stages import read_lineage, task_of
-from qboot.study.report import page as report
-from qboot.study.report import player as replay
+from qboot.study.report.page import page as report
+from qboot.study.report.page import player as replay
 from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

@@ -8,7 +8,7 @@ import numpy as np
 
 from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSet
-from qboot.qlearning import LearnerSettings, input_set
+from qboot.qlearning import LearnerSettings, Problem, input_set
 
 CELLS = 6
 REWARD = 10.0
@@ -127,9 +127,8 @@ def all_sensors(task, lags=1, n_inputs=None):
 
 
 def problem(task, settings=SETTINGS, padding=0, lags=1, n_inputs=None):
-    """Everything that `init` and `learn` need but the key."""
-    actions = action_set(padding=padding)
-    return task, task.source_domains("A"), actions, all_sensors(task, lags, n_inputs), settings
+    inputs = all_sensors(task, lags, n_inputs)
+    return Problem(task, settings, task.source_domains("A"), action_set(padding=padding), inputs)
 
 
 def assert_same(left, right, **tolerance):

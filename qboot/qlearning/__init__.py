@@ -2,19 +2,25 @@
 
 from qboot.qlearning.acting import epsilon
 from qboot.qlearning.inputs import InputSet, input_set
-from qboot.qlearning.learner import EpisodeInfo, LearnerState, init, learn, trajectory_capacity
+from qboot.qlearning.learner import EpisodeInfo, LearnerState, init, learn
+from qboot.qlearning.learners import LEARNERS, Learner
 from qboot.qlearning.networks import QNetworks, init_networks, q_value, q_values
 from qboot.qlearning.policy import Rollout, evaluate, rollout
+from qboot.qlearning.problem import Problem, check_problem, trajectory_capacity
+from qboot.qlearning.rewards import smdp_target
 from qboot.qlearning.settings import LearnerSettings
-from qboot.qlearning.smdp import smdp_target
 
 __all__ = [
+    "LEARNERS",
     "EpisodeInfo",
     "InputSet",
+    "Learner",
     "LearnerSettings",
     "LearnerState",
+    "Problem",
     "QNetworks",
     "Rollout",
+    "check_problem",
     "epsilon",
     "evaluate",
     "init",

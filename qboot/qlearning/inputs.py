@@ -21,9 +21,14 @@ class InputSet(NamedTuple):
 
 
 def input_set(selection: np.ndarray, n_inputs: int | None = None) -> InputSet:
-    """Build the inputs from a selection (lags, S) bool whose row 0 is lag 1, padded to `n_inputs` if given.
+    """The inputs of a selection of sensors.
 
-    Raises `ValueError` when the selection is not a matrix, is empty, or holds more than `n_inputs` inputs.
+    Args:
+        selection: (lags, S) bool, its row 0 is lag 1.
+        n_inputs: inputs to pad to; default none.
+
+    Raises:
+        ValueError: if the selection is not a matrix, is empty, or holds more than `n_inputs` inputs.
     """
     selection = np.asarray(selection, dtype=bool)
     if selection.ndim != 2:
@@ -41,17 +46,17 @@ def input_set(selection: np.ndarray, n_inputs: int | None = None) -> InputSet:
 
 
 def first_history(observation: jax.Array, lags: int) -> jax.Array:
-    """Return the history (lags, S) at the start of a test: the first observation, all along."""
+    """History (lags, S) at the start of a rollout: the first observation (S,), all along."""
     return jnp.broadcast_to(observation, (lags, *observation.shape))
 
 
 def remember(history: jax.Array, observation: jax.Array) -> jax.Array:
-    """Put the newest observation (S,) in front of the history (lags, S) and forget the oldest."""
+    """History (lags, S) with the newest observation (S,) in front, and without the oldest."""
     return jnp.concatenate([observation[None], history[:-1]])
 
 
 def read_inputs(inputs: InputSet, history: jax.Array, settings: LearnerSettings) -> jax.Array:
-    """Return the inputs (I,) of the Q-networks, within `settings.input_range`, given the history (lags, S)."""
+    """Inputs (I,) of the Q-networks, within `settings.input_range`, given the history (lags, S)."""
     low, high = settings.input_range
     sensors = history[inputs.lags - 1, inputs.sensors]
     return jnp.where(inputs.mask, low + (high - low) * sensors, 0.0)

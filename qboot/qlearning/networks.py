@@ -28,7 +28,7 @@ class QNetworks(NamedTuple):
 
 @partial(jax.jit, static_argnames=("n_actions", "n_inputs", "hidden"))
 def init_networks(key: jax.Array, n_actions: int, n_inputs: int, hidden: int) -> QNetworks:
-    """Draw the networks of `n_actions` actions.
+    """Networks of `n_actions` actions, drawn at random.
 
     The weights of action a and input i depend on the key, a, i and `hidden` alone. Padding a set of actions
     or of inputs therefore leaves the weights of the others as they are.
@@ -52,7 +52,7 @@ def init_networks(key: jax.Array, n_actions: int, n_inputs: int, hidden: int) ->
 
 
 def q_value(network: QNetworks, inputs: jax.Array) -> jax.Array:
-    """Return the value () that the network of one action gives to a state, inputs (I,)."""
+    """Value () that the network of one action gives to a state, inputs (I,)."""
     hidden = jnp.tanh(STEEPNESS * (network.hidden_weights @ inputs + network.hidden_biases))
     return STEEPNESS * (network.output_weights @ hidden + network.output_biases)
 
@@ -62,7 +62,7 @@ q_values = jax.vmap(q_value, in_axes=(0, None))
 
 
 def network_of(networks: QNetworks, action: jax.Array) -> QNetworks:
-    """Return the network of one action, () int32."""
+    """The network of one action, () int32."""
     return jax.tree.map(lambda leaf: lax.dynamic_index_in_dim(leaf, action, keepdims=False), networks)
 
 
@@ -76,9 +76,18 @@ def train(
 ) -> tuple[QNetworks, jax.Array]:
     """Take one step of gradient descent on (target - Q(s, a))^2 / 2 with the network of the executed action.
 
-    Where `active`, () bool, is false, nothing changes. Only one network is written back, so that the cost
-    does not grow with the number of actions. Returns the networks and the error target - Q(s, a) before the
-    step.
+    Only one network is written back, so that the cost does not grow with the number of actions.
+
+    Args:
+        networks: of A actions.
+        action: () int32, the executed one.
+        inputs: (I,) state that it was executed in.
+        target: () what its value should have been.
+        alpha: learning rate, > 0.
+        active: () bool; where it is false, nothing changes.
+
+    Returns:
+        The networks, and the error () target - Q(s, a) before the step.
     """
     network = network_of(networks, action)
 

@@ -7,16 +7,16 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from qboot.envs.task import Domain, Task
-from qboot.extraction.actions import ActionSet, commands
-from qboot.qlearning.inputs import InputSet, read_inputs, remember
-from qboot.qlearning.networks import QNetworks, q_values
-from qboot.qlearning.settings import LearnerSettings
-from qboot.qlearning.smdp import Situation, execute, is_ongoing, start_test, usable_actions
+from qboot.envs.task import Domain
+from qboot.extraction.actions import commands
+from qboot.qlearning.acting import greedy
+from qboot.qlearning.inputs import read_inputs
+from qboot.qlearning.problem import Problem, assert_shapes
+from qboot.qlearning.smdp import SmdpState, end_action, execute, is_ongoing, primitive_step, start_rollout
 
 
 class Rollout(NamedTuple):
-    """One test, step by step (T = the task's `max_steps`). Steps after its end have the mask false."""
+    """One rollout, step by step (T = the task's `max_steps`). Steps after its end have the mask false."""
 
     states: Any  # (T, ...) the task's state before the step
     commands: jax.Array  # (T, E)
@@ -25,85 +25,76 @@ class Rollout(NamedTuple):
     final: Any  # the task's state at the end
 
 
-def greedy_action(
-    networks: QNetworks, actions: ActionSet, inputs: InputSet, history: jax.Array, settings: LearnerSettings
-) -> jax.Array:
-    """Return the usable action of greatest value, () int32, given the history (lags, S)."""
-    values = q_values(networks, read_inputs(inputs, history, settings))
-    return jnp.argmax(jnp.where(usable_actions(actions), values, -jnp.inf))
+def greedy_action(networks: Any, problem: Problem, smdp: SmdpState) -> jax.Array:
+    """Action of greatest value, () int32."""
+    inputs = read_inputs(problem.inputs, smdp.history, problem.settings)
+    return greedy(problem.learner.values(networks, inputs), problem.action_mask)
 
 
-@partial(jax.jit, static_argnames=("task", "settings"))
-def evaluate(
-    networks: QNetworks,
-    key: jax.Array,
-    task: Task,
-    domains: Domain,
-    actions: ActionSet,
-    inputs: InputSet,
-    settings: LearnerSettings,
-) -> jax.Array:
-    """Return the score (D,) of the greedy policy in each domain, summed over `task.rollouts_per_domain` tests.
+@jax.jit
+def evaluate(networks: Any, key: jax.Array, problem: Problem) -> jax.Array:
+    """Score (D,) of the greedy policy in each domain, summed over the rollouts of one episode; nothing is learned.
 
-    Nothing is learned. `domains` may be other ones than those of the training, and of any number.
+    Args:
+        networks: a learner's.
+        key: random key of the episode.
+        problem: its domains may be other ones than those of the training, and of any number.
+
+    Raises:
+        AssertionError: if the shapes of the problem's arrays do not fit each other.
     """
-    n_domains = jax.tree.leaves(domains)[0].shape[0]
+    assert_shapes(problem)
+    task = problem.task
 
     def score(index: jax.Array) -> jax.Array:
-        domain = jax.tree.map(lambda leaf: leaf[index // task.rollouts_per_domain], domains)
+        domain = problem.domain(problem.place(index))
 
-        def decide(carry: tuple[Situation, jax.Array]) -> tuple[Situation, jax.Array]:
-            situation, total = carry
-            action = greedy_action(networks, actions, inputs, situation.history, settings)
-            situation, _, rewards = execute(task, domain, actions, action, situation, settings)
-            return situation, total + rewards
+        def decide(carry: tuple[SmdpState, jax.Array]) -> tuple[SmdpState, jax.Array]:
+            smdp, total = carry
+            smdp, _, reward = execute(problem, domain, greedy_action(networks, problem, smdp), smdp)
+            return smdp, total + reward
 
-        situation = start_test(jax.random.fold_in(key, index), task, domain, settings)
-        _, total = lax.while_loop(lambda carry: is_ongoing(task, carry[0]), decide, (situation, jnp.float32(0)))
+        smdp = start_rollout(jax.random.fold_in(key, index), problem, domain)
+        _, total = lax.while_loop(lambda carry: is_ongoing(task, carry[0]), decide, (smdp, jnp.float32(0)))
         return total / task.reward
 
-    scores = lax.map(score, jnp.arange(n_domains * task.rollouts_per_domain))
-    return jnp.sum(scores.reshape(n_domains, task.rollouts_per_domain), axis=1)
+    scores = lax.map(score, jnp.arange(problem.n_rollouts))
+    return jnp.sum(scores.reshape(problem.n_domains, -1), axis=1)
 
 
-@partial(jax.jit, static_argnames=("task", "settings"))
-def rollout(
-    networks: QNetworks,
-    key: jax.Array,
-    task: Task,
-    domain: Domain,
-    actions: ActionSet,
-    inputs: InputSet,
-    settings: LearnerSettings,
-) -> Rollout:
-    """Record one test of the greedy policy in one domain.
+@jax.jit
+def rollout(networks: Any, key: jax.Array, problem: Problem, domain: Domain) -> Rollout:
+    """One rollout of the greedy policy in one domain, recorded.
 
-    The key is that of the test: `fold_in(key, i)` gives the i-th test of `evaluate` with `key`.
+    Args:
+        networks: a learner's.
+        key: random key of the rollout: `fold_in(key, i)` gives the i-th rollout of `evaluate` with `key`.
+        problem: its domains play no part.
+        domain: a domain of the task.
+
+    Raises:
+        AssertionError: if the shapes of the problem's arrays do not fit each other.
     """
+    assert_shapes(problem)
 
-    def choose(situation: Situation) -> jax.Array:
-        return greedy_action(networks, actions, inputs, situation.history, settings)
+    def step(carry: tuple[SmdpState, jax.Array, jax.Array], _: None) -> tuple:
+        smdp, action, elapsed = carry
 
-    def step(carry: tuple[Situation, jax.Array, jax.Array], _: None) -> tuple:
-        situation, action, elapsed = carry
-        is_over = elapsed == actions.durations[action]
-        action = lax.cond(is_over, lambda: choose(situation), lambda: action)
-        elapsed = jnp.where(is_over, 0, elapsed)
-        command = commands(actions, action, elapsed)
-        running = is_ongoing(task, situation)
-        state = task.step(domain, situation.state, command)
-        if settings.history == "steps":
-            history = remember(situation.history, state.observation)
-        else:
-            ends = elapsed + 1 == actions.durations[action]
-            history = jnp.where(ends, remember(situation.history, state.observation), situation.history)
-        record = (situation.state, command, action, running)
-        after = Situation(state, history, situation.step + 1)
-        # What a test earns is in its last state: that stays as it is once the test is over.
-        situation = jax.tree.map(partial(jnp.where, running), after, situation)
-        return (situation, action, elapsed + 1), record
+        def go_on() -> tuple[SmdpState, jax.Array, jax.Array]:
+            return smdp, action, elapsed
 
-    situation = start_test(key, task, domain, settings)
-    start = situation, choose(situation), jnp.int32(0)
-    (situation, _, _), record = lax.scan(step, start, length=task.max_steps)
-    return Rollout(*record, final=situation.state)
+        def decide_again() -> tuple[SmdpState, jax.Array, jax.Array]:
+            ended = end_action(problem, smdp)
+            return ended, greedy_action(networks, problem, ended), jnp.int32(0)
+
+        smdp, action, elapsed = lax.cond(elapsed == problem.actions.durations[action], decide_again, go_on)
+        running = is_ongoing(problem.task, smdp)
+        record = smdp.state, commands(problem.actions, action, elapsed), action, running
+        after = primitive_step(problem, domain, action, elapsed, smdp)
+        # The rewards of a rollout are in its last state: that stays as it is once the rollout is over.
+        return (jax.tree.map(partial(jnp.where, running), after, smdp), action, elapsed + 1), record
+
+    smdp = start_rollout(key, problem, domain)
+    start = smdp, greedy_action(networks, problem, smdp), jnp.int32(0)
+    (smdp, _, _), record = lax.scan(step, start, length=problem.task.max_steps)
+    return Rollout(*record, final=smdp.state)

@@ -1,15 +1,19 @@
 """The learner's settings: section IV-E and appendix B of the paper."""
 
+import math
 from dataclasses import dataclass
+
+from qboot.qlearning.learners import LEARNERS
 
 HISTORIES = ("steps", "decisions")
 
 
 @dataclass(frozen=True)
 class LearnerSettings:
-    """Everything that decides how one learner learns; hashable, so that it can be a static argument.
+    """Everything that decides how one learner learns; hashable, so that it can be static under `jax.jit`.
 
-    Raises `ValueError` when a value lies outside the range given under it.
+    Raises:
+        ValueError: if a value is not finite, or lies outside the range given under it.
     """
 
     gamma: float
@@ -43,17 +47,23 @@ class LearnerSettings:
     """What the sensors' range [0, 1] is stretched to before the networks see it, low < high. Sensors that matter in
     steps of a hundredth need a wide one: a network that starts with small weights hardly tells such values apart."""
 
+    algorithm: str = "q_learning"
+    """The learner: a name of `qboot.qlearning.LEARNERS`."""
+
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
         for name in ("gamma", "epsilon_start", "epsilon_end", "epsilon_stepness"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name} must lie in [0, 1], got {getattr(self, name)}.")
-        if not self.alpha > 0:
-            raise ValueError(f"alpha must be positive, got {self.alpha}.")
+        if not 0 < self.alpha < math.inf:
+            raise ValueError(f"alpha must be positive and finite, got {self.alpha}.")
         for name, least in (("hidden", 1), ("lags", 1), ("eta", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}.")
-        if not self.input_range[0] < self.input_range[1]:
-            raise ValueError(f"input_range must be (low, high) with low < high, got {self.input_range}.")
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < least:
+                raise ValueError(f"{name} must be a whole number, at least {least}, got {value}.")
+        if len(self.input_range) != 2 or not -math.inf < self.input_range[0] < self.input_range[1] < math.inf:
+            raise ValueError(f"input_range must be (low, high), finite, with low < high, got {self.input_range}.")
         if self.history not in HISTORIES:
-            raise ValueError(f"history must be one of {HISTORIES}, got {self.history!r}.")
+            raise ValueError(f"history must be one of {', '.join(HISTORIES)}, got {self.history!r}.")
+        if self.algorithm not in LEARNERS:
+            raise ValueError(f"algorithm must be one of {', '.join(LEARNERS)}, got {self.algorithm!r}.")

@@ -7,109 +7,70 @@ import jax.numpy as jnp
 from jax import lax
 
 from qboot.envs.task import Domain, Task
-from qboot.extraction.actions import ActionSet, commands
+from qboot.extraction.actions import commands
 from qboot.qlearning.inputs import first_history, remember
-from qboot.qlearning.settings import LearnerSettings
+from qboot.qlearning.problem import Problem
+from qboot.qlearning.rewards import DiscountedReward, join, no_reward
 
 
-class Earned(NamedTuple):
-    """What a stretch of primitive steps has earned."""
-
-    value: jax.Array  # () sum_i gamma^(i - 1) r(t + i), i = 1 .. d
-    discount: jax.Array  # () gamma^d
-
-
-class Situation(NamedTuple):
-    """Where a test stands."""
+class SmdpState(NamedTuple):
+    """Where a rollout stands."""
 
     state: Any  # the task's state
     history: jax.Array  # (lags, S) observations, the latest first
     step: jax.Array  # () int32 primitive steps done
 
 
-def nothing_earned() -> Earned:
-    """Return what no step at all earns."""
-    return Earned(jnp.float32(0), jnp.float32(1))
+def start_rollout(key: jax.Array, problem: Problem, domain: Domain) -> SmdpState:
+    """The start of one rollout in one domain."""
+    state = problem.task.reset(key, domain)
+    return SmdpState(state, first_history(state.observation, problem.settings.lags), jnp.int32(0))
 
 
-def earn(earned: Earned, reward: jax.Array, gamma: float) -> Earned:
-    """Add the reward () of one more step."""
-    return Earned(earned.value + earned.discount * reward, earned.discount * gamma)
+def is_ongoing(task: Task, smdp: SmdpState) -> jax.Array:
+    """Whether the rollout goes on, () bool."""
+    return ~smdp.state.done & (smdp.step < task.max_steps)
 
 
-def earn_more(earned: Earned, later: Earned) -> Earned:
-    """Add what a later stretch of steps earned."""
-    return Earned(earned.value + earned.discount * later.value, earned.discount * later.discount)
+def primitive_step(
+    problem: Problem, domain: Domain, action: jax.Array, elapsed: jax.Array, smdp: SmdpState
+) -> SmdpState:
+    """One primitive step of an action, () int32, `elapsed`, () int32, steps of which are done."""
+    state = problem.task.step(domain, smdp.state, commands(problem.actions, action, elapsed))
+    history = smdp.history
+    if problem.settings.history == "steps":
+        history = remember(history, state.observation)
+    return SmdpState(state, history, smdp.step + 1)
 
 
-def bootstrapped(earned: Earned, next_q_max: jax.Array, terminal: jax.Array) -> jax.Array:
-    """Return the right-hand side () of equation 3; after the end of a test nothing is left to expect."""
-    return earned.value + jnp.where(terminal, 0.0, earned.discount * next_q_max)
-
-
-def smdp_target(rewards: jax.Array, gamma: float, next_q_max: jax.Array, terminal: jax.Array) -> jax.Array:
-    """Return the value () that equation 3 gives to an action that earned `rewards` (d,), one per step.
-
-    `next_q_max` () is max_a' Q(s(t + d), a'); it does not count where `terminal`, () bool, is true.
-    """
-    rewards = jnp.asarray(rewards, jnp.float32)
-
-    def step(earned: Earned, reward: jax.Array) -> tuple[Earned, None]:
-        return earn(earned, reward, gamma), None
-
-    earned, _ = lax.scan(step, nothing_earned(), rewards)
-    return bootstrapped(earned, next_q_max, terminal)
-
-
-def usable_actions(actions: ActionSet) -> jax.Array:
-    """Return which actions can be executed, (A,) bool: those of duration 0 are padding."""
-    return actions.durations > 0
-
-
-def start_test(key: jax.Array, task: Task, domain: Domain, settings: LearnerSettings) -> Situation:
-    """Return the situation at the start of one test."""
-    state = task.reset(key, domain)
-    return Situation(state, first_history(state.observation, settings.lags), jnp.int32(0))
-
-
-def is_ongoing(task: Task, situation: Situation) -> jax.Array:
-    """Return whether the test goes on, () bool."""
-    return ~situation.state.done & (situation.step < task.max_steps)
+def end_action(problem: Problem, smdp: SmdpState) -> SmdpState:
+    """The state after the last step of an action, ready for the next decision."""
+    if problem.settings.history == "decisions":
+        return smdp._replace(history=remember(smdp.history, smdp.state.observation))
+    return smdp
 
 
 def execute(
-    task: Task,
-    domain: Domain,
-    actions: ActionSet,
-    action: jax.Array,
-    situation: Situation,
-    settings: LearnerSettings,
-) -> tuple[Situation, Earned, jax.Array]:
-    """Run one action, () int32, for its whole duration or until the test ends.
+    problem: Problem, domain: Domain, action: jax.Array, smdp: SmdpState
+) -> tuple[SmdpState, DiscountedReward, jax.Array]:
+    """Run one action, () int32, for its whole duration or until the rollout ends.
 
-    Returns the situation after it, what it earned, and the plain sum () of its rewards. In a test that has
-    ended, nothing happens.
+    Returns:
+        The state after it, its discounted reward, and the plain sum () of its rewards. In a rollout that has
+        ended, the task's state stays as it is and the rewards are 0.
     """
-    first_step = situation.step
-    last_step = first_step + actions.durations[action]
+    first_step = smdp.step
+    last_step = first_step + problem.actions.durations[action]
 
     def is_running(carry: tuple) -> jax.Array:
-        situation, _, _ = carry
-        return (situation.step < last_step) & is_ongoing(task, situation)
+        smdp, _, _ = carry
+        return (smdp.step < last_step) & is_ongoing(problem.task, smdp)
 
-    def primitive_step(carry: tuple) -> tuple:
-        situation, earned, rewards = carry
-        command = commands(actions, action, situation.step - first_step)
-        state = task.step(domain, situation.state, command)
-        history = situation.history
-        if settings.history == "steps":
-            history = remember(history, state.observation)
-        situation = Situation(state, history, situation.step + 1)
-        return situation, earn(earned, state.reward, settings.gamma), rewards + state.reward
+    def step(carry: tuple) -> tuple:
+        smdp, discounted, total = carry
+        smdp = primitive_step(problem, domain, action, smdp.step - first_step, smdp)
+        reward = smdp.state.reward
+        return smdp, join(discounted, DiscountedReward(reward, problem.settings.gamma)), total + reward
 
-    situation, earned, rewards = lax.while_loop(
-        is_running, primitive_step, (situation, nothing_earned(), jnp.float32(0))
-    )
-    if settings.history == "decisions":
-        situation = situation._replace(history=remember(situation.history, situation.state.observation))
-    return situation, earned, rewards
+    smdp, discounted, total = lax.while_loop(is_running, step, (smdp, no_reward(), jnp.float32(0)))
+    return end_action(problem, smdp), discounted, total

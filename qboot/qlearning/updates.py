@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from qboot.qlearning.networks import QNetworks, q_values, train
-from qboot.qlearning.smdp import Earned, bootstrapped
+from qboot.qlearning.networks import QNetworks, network_of, q_value, q_values, train
+from qboot.qlearning.rewards import DiscountedReward, td_target
 
 
 class Transition(NamedTuple):
@@ -14,35 +14,32 @@ class Transition(NamedTuple):
 
     inputs: jax.Array  # (I,) state before it
     action: jax.Array  # () int32
-    earned: Earned  # of its steps
+    reward: DiscountedReward  # of its steps
     next_inputs: jax.Array  # (I,) state after it
-    terminal: jax.Array  # () bool: the test ended during it
+    terminal: jax.Array  # () bool: the rollout ended during it
 
 
-@jax.custom_batching.custom_vmap
-def anywhere(flag: jax.Array) -> jax.Array:
-    """Return `flag`, () bool; under `vmap`, whether it is true in any batched instance.
-
-    A `while_loop` whose condition differs between instances copies its whole carry, all the networks
-    included, at every iteration. With this condition it does not, and its body masks what must not change.
-    """
-    return flag
-
-
-@anywhere.def_vmap
-def _(axis_size: int, in_batched: list[bool], flag: jax.Array) -> tuple[jax.Array, bool]:
-    return jnp.any(flag), False
-
-
-def learn_from(
-    networks: QNetworks, transition: Transition, usable: jax.Array, alpha: float, active: jax.Array
+def td_update(
+    networks: QNetworks, transition: Transition, action_mask: jax.Array, alpha: float, active: jax.Array
 ) -> tuple[QNetworks, jax.Array, jax.Array]:
-    """Move Q(s, a) towards the right-hand side of equation 3 where `active`, () bool, is true.
+    """Move Q(s, a) towards its target by one step of gradient descent.
 
-    Returns the networks, Q(s', .) (A,) before the update, and the error ().
+    Args:
+        networks: of A actions.
+        transition: the executed action.
+        action_mask: (A,) bool, the actions that the maximum of the target is taken over.
+        alpha: learning rate, > 0.
+        active: () bool; where it is false, the networks stay as they are.
+
+    Returns:
+        The networks, their values (A,) of the state after the transition, and the error () target - Q(s, a)
+        before the update.
     """
     next_values = q_values(networks, transition.next_inputs)
-    next_q_max = jnp.max(jnp.where(usable, next_values, -jnp.inf))
-    target = bootstrapped(transition.earned, next_q_max, transition.terminal)
+    next_q_max = jnp.max(jnp.where(action_mask, next_values, -jnp.inf))
+    target = td_target(transition.reward, next_q_max, transition.terminal)
     networks, error = train(networks, transition.action, transition.inputs, target, alpha, active)
-    return networks, next_values, error
+    # One network has changed, so one value is computed again.
+    changed = q_value(network_of(networks, transition.action), transition.next_inputs)
+    values = jnp.where(jnp.arange(next_values.size) == transition.action, changed, next_values)
+    return networks, values, error

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.box_pushing import arm, domains
+from qboot.envs.box_pushing.dynamics import arm, domains
 from qboot.envs.box_pushing.domains import Block
 
 SENSORS = (

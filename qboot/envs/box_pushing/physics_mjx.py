@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import mujoco
 from mujoco import mjx
 
-from qboot.envs.box_pushing import arm
+from qboot.envs.box_pushing.dynamics import arm
 from qboot.envs.box_pushing.domains import Block
 
 MODEL_FILE = Path(__file__).with_name("model.xml")

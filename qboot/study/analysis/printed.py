@@ -62,5 +62,5 @@ class Paper(NamedTuple):
     conclusions: tuple[Conclusion, ...]
     test_tables: tuple[TestTable, ...]
     control_conclusions: tuple[ControlConclusion, ...]
-    figures: Mapping[str, PrintedFigure]  # by name in `qboot.study.figures.catalogue`
+    figures: Mapping[str, PrintedFigure]  # by name in `qboot.study.figures.catalogue.catalogue`
     not_printed: tuple[str, ...] = ()  # sizes of the profile "paper" that the paper does not give

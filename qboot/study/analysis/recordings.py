@@ -5,20 +5,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs.task import Domain, Task
 from qboot.neuroevolution import evaluation, evolve
 from qboot.neuroevolution.behaviour import STATES
-from qboot.qlearning import policy
-from qboot.study.pipeline.stages import (
-    key_of,
-    read_actions,
-    read_inputs,
-    read_lineage,
-    read_networks,
-    source_problem,
-    task_of,
-)
 from qboot.study.store.runs import Run
+from qboot.study.pipeline.evolving import source_problem
+from qboot.study.pipeline.learning import problem_on as learning_problem
+from qboot.study.store.artifacts import key_of, read_lineage, read_networks, task_of
 
 
 class Recording(NamedTuple):
@@ -51,13 +45,12 @@ def evolved(run: Run) -> list[Recording]:
 def learned(run: Run) -> list[Recording]:
     """The greedy Q-policy in each source domain (its first test there)."""
     task = task_of(run)
-    parts = read_actions(run), read_inputs(run), run.settings.learner
+    problem = learning_problem(run, task.source_domains(run.settings.source))
     networks, key = read_networks(run), key_of(run, "tests")
-    domains, n_tests = evaluation.tests_of(task, task.source_domains(run.settings.source))
     found = []
-    for test in range(0, n_tests, task.rollouts_per_domain):
-        domain = _at(domains, test)
-        played = jax.device_get(policy.rollout(networks, jax.random.fold_in(key, test), task, domain, *parts))
+    for index in range(0, problem.n_rollouts, task.rollouts_per_domain):
+        domain = problem.domain(problem.place(index))
+        played = jax.device_get(qlearning.rollout(networks, jax.random.fold_in(key, index), problem, domain))
         steps = int(played.mask.sum())
         found.append(Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps])))
     return found

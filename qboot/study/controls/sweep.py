@@ -1,49 +1,58 @@
-"""Many learners in one program: the cells of an ablation, padded to one shape, side by side under vmap.
+"""Many learners in one program: the cells of a control experiment, padded to one shape, side by side under vmap.
 
 Cells that are as far as each other run together. Each keeps its own checkpoint and its own results, so cells can be
 interrupted, deleted and made again one by one.
 """
 
-import time
-import zlib
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.task import Domain
-from qboot.extraction.actions import ActionSet
-from qboot.qlearning import learner
-from qboot.qlearning.inputs import InputSet, input_set
-from qboot.study.controls import conditions as ablations
-from qboot.study.pipeline import learning
+from qboot import qlearning
+from qboot.keys import key
+from qboot.qlearning import Problem, input_set
+from qboot.qlearning.learner import LearnerState
+from qboot.study.controls import cells as folders
+from qboot.study.controls.cells import Cells
+from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.learning import Learning
+from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
-from qboot.study.pipeline.stages import key_of, read_actions, read_selection, task_of
 from qboot.study.store import files
+from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings
+
+Tree = TypeVar("Tree")
+Cell = Run[CellSettings]
+
+# Learners side by side in a program, unless told otherwise.
+LANES = 5
+
+learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
+"""`qlearning.learn` for stacked states and problems (leading axis)."""
 
 
-class Lane(NamedTuple):
-    """What one learner of a program is given; all lanes of a program have the same shapes."""
-
-    domains: Domain
-    actions: ActionSet
-    inputs: InputSet
-
-
-class Shape(NamedTuple):
+class Padded(NamedTuple):
     """What all cells of an experiment are padded to."""
 
     n_actions: int
     n_inputs: int
-    capacity: int  # decisions in a test at most
+    capacity: int  # decisions in a rollout at most
 
 
-def learn_cells(cells: dict[Run, Run], workers: int) -> None:
+class Block(NamedTuple):
+    """Cells that learn side by side; leading axis on every leaf of `states`."""
+
+    states: LearnerState
+    learners: list[Learning]  # of each cell
+
+
+def learn_cells(cells: Cells, workers: int) -> None:
     """Q-learning in all cells that are not done: qlearning.csv in the folder of each.
 
     Args:
@@ -52,101 +61,103 @@ def learn_cells(cells: dict[Run, Run], workers: int) -> None:
     """
     first = next(iter(cells)).settings
     for cell, evolved in cells.items():
-        ablations.equip(cell, evolved)
-    shape = shape_of(list(cells))
+        folders.equip(cell, evolved)
+    padded = padded_to(list(cells))
     pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
-    started = {cell: _begin(cell, shape) for cell in pending}
-    done = {cell: first.episodes for cell in cells} | {
-        cell: len(begun.history["episode"]) for cell, begun in started.items()
-    }
+    started = {cell: _begin(cell, padded) for cell in pending}
+    done = {cell: first.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
     total = len(cells) * first.episodes
-    with Progress(f"ablate {first.task} {first.what}", "episode", total, sum(done.values())) as progress:
+    label = f"ablate {next(iter(cells)).task_name} {first.what}"
+    with Progress(label, "episode", total, sum(done.values())) as progress:
 
-        def report(cell: Run, episode: int) -> None:
-            done[cell] = episode
+        def report(some: list[Cell], episode: int) -> None:
+            done.update(dict.fromkeys(some, episode))
             progress.update(sum(done.values()), cells=f"{sum(n == first.episodes for n in done.values())}/{len(done)}")
 
         blocks = _blocks(started, first.lanes)
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda block: _learn_block(block, shape, report), blocks))
+            list(pool.map(lambda block: _learn_block(block, padded, report), blocks))
 
 
-def shape_of(cells: list[Run]) -> Shape:
+def padded_to(cells: list[Cell]) -> Padded:
     """The smallest shape that all cells fit into."""
     sets = [read_actions(cell) for cell in cells]
     shortest = min(int(actions.durations.min()) for actions in sets)
-    return Shape(
+    return Padded(
         n_actions=max(len(actions.durations) for actions in sets),
         n_inputs=max(int(read_selection(cell).sum()) for cell in cells),
         capacity=-(-cells[0].settings.n_steps // shortest),
     )
 
 
-def lane_of(cell: Run, shape: Shape) -> Lane:
-    """A cell's domains, actions and inputs, padded."""
+def problem_of(cell: Cell, padded: Padded) -> Problem:
+    """What a cell learns, its actions and inputs padded."""
     actions = read_actions(cell)
-    missing = shape.n_actions - len(actions.durations)
-    padded = jax.tree.map(lambda leaf: np.pad(leaf, [(0, missing)] + [(0, 0)] * (leaf.ndim - 1)), actions)
-    inputs = input_set(read_selection(cell), shape.n_inputs)
-    return Lane(task_of(cell).source_domains(cell.settings.source), padded, inputs)
+    missing = padded.n_actions - len(actions.durations)
+    actions = jax.tree.map(lambda leaf: np.pad(leaf, [(0, missing)] + [(0, 0)] * (leaf.ndim - 1)), actions)
+    inputs = input_set(read_selection(cell), padded.n_inputs)
+    task = task_of(cell)
+    problem = Problem(task, cell.settings.learner, task.source_domains(cell.settings.source), actions, inputs)
+    qlearning.check_problem(problem)
+    return problem
 
 
-def key_of_cell(cell: Run) -> jax.Array:
+def key_of_cell(cell: Cell) -> jax.Array:
     """The random key of a cell: of its seed, and of its condition, so that conditions are independent samples."""
-    name = f"{cell.settings.what} {cell.settings.condition}"
-    return jax.random.fold_in(key_of(cell, "learning"), zlib.crc32(name.encode()))
+    return key(key_of(cell, "learning"), f"{cell.settings.what} {cell.settings.condition}")
 
 
-@partial(jax.jit, static_argnames=("task", "settings", "n_episodes"))
-def learn_lanes(states, task, lanes: Lane, settings, n_episodes: int):
-    """`learner.learn` for stacked states and lanes (leading axis)."""
-    return jax.vmap(lambda state, lane: learner.learn(state, task, *lane, settings, n_episodes))(states, lanes)
-
-
-def _blocks(started: dict[Run, Learning], lanes: int) -> list[dict[Run, Learning]]:
+def _blocks(started: dict[Cell, Learning], lanes: int) -> list[dict[Cell, Learning]]:
     """Cells that have done equally many episodes, at most `lanes` together."""
-    by_episode: dict[int, list[Run]] = {}
+    by_episode: dict[int, list[Cell]] = {}
     for cell, begun in started.items():
-        by_episode.setdefault(len(begun.history["episode"]), []).append(cell)
+        by_episode.setdefault(begun.episodes, []).append(cell)
     groups = [some[i : i + lanes] for some in by_episode.values() for i in range(0, len(some), lanes)]
     return [{cell: started[cell] for cell in group} for group in groups]
 
 
-def _begin(cell: Run, shape: Shape) -> Learning:
-    lane = lane_of(cell, shape)
-    state = learner.init(key_of_cell(cell), task_of(cell), *lane, cell.settings.learner, shape.capacity)
+def _begin(cell: Cell, padded: Padded) -> Learning:
+    state = qlearning.init(key_of_cell(cell), problem_of(cell, padded), padded.capacity)
     return learning.begin(state, cell.file("learn.checkpoint.npz"))
 
 
-def _learn_block(block: dict[Run, Learning], shape: Shape, report) -> None:
+def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> None:
     """Learn in a block of cells, side by side, to their ends."""
-    cells, begun = list(block), list(block.values())
+    cells = list(begun)
     settings = cells[0].settings
-    task = task_of(cells[0])
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
     places = [min(i, len(cells) - 1) for i in range(settings.lanes)]
-    lanes = _stack([lane_of(cells[i], shape) for i in places])
-    states = _stack([begun[i].state for i in places])
-    done, saved = len(begun[0].history["episode"]), time.monotonic()
-    for size in learning.call_sizes(done, settings.episodes):
-        states, info = learn_lanes(states, task, lanes, settings.learner, size)
-        begun = [learning.after(each, _take(states, i), _take(info, i)) for i, each in enumerate(begun)]
-        done += size
-        is_over = done == settings.episodes
-        if time.monotonic() > saved + learning.SECONDS_BETWEEN_SAVES and not is_over:
-            for cell, each in zip(cells, begun, strict=True):
-                learning.save(each, cell.file("learn.checkpoint.npz"))
-            saved = time.monotonic()
-        for cell, each in zip(cells, begun, strict=True):
-            if is_over:
-                files.write_csv(cell.file("qlearning.csv"), each.history)
-                cell.file("learn.checkpoint.npz").unlink(missing_ok=True)
-            report(cell, done)
+    problems = _stack([problem_of(cells[i], padded) for i in places])
+    start = Block(_stack([begun[cells[i]].state for i in places]), list(begun.values()))
+
+    def step(block: Block) -> Block:
+        size = learning.call_size(block.learners[0].episodes, settings.episodes)
+        states, info = learn_side_by_side(block.states, problems, size)
+        return Block(
+            states,
+            [learning.after(each, _take(states, i), _take(info, i)) for i, each in enumerate(block.learners)],
+        )
+
+    def save(block: Block) -> None:
+        for cell, each in zip(cells, block.learners, strict=True):
+            learning.save(each, cell.file("learn.checkpoint.npz"))
+
+    work = Work(
+        total=settings.episodes,
+        done=lambda block: block.learners[0].episodes,
+        step=step,
+        save=save,
+        report=lambda block: report(cells, block.learners[0].episodes),
+    )
+    end = loop.advance(work, start)
+    for cell, each in zip(cells, end.learners, strict=True):
+        files.write_csv(cell.file("qlearning.csv"), each.history)
+        cell.file("learn.checkpoint.npz").unlink(missing_ok=True)
 
 
-def _stack(trees: list):
+def _stack(trees: list[Tree]) -> Tree:
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
 
 
-def _take(tree, index: int):
+def _take(tree: Tree, index: int) -> Tree:
     return jax.tree.map(lambda leaf: leaf[index], tree)

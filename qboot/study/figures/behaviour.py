@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from qboot.extraction.actions import ActionSet
 from qboot.study.analysis import recordings
 from qboot.study.analysis.recordings import Recording
-from qboot.study.figures.drawing import Drawn, draw_path, draw_scene, hide_unused, legend_patches, new_figure
-from qboot.study.figures.extraction import best_run
-from qboot.study.figures.scenes import BLUE, GREEN, LOOKS, PURPLE, RED, Scene, Shape
+from qboot.study.figures.catalogue.drawing import Drawn, draw_path, draw_scene, hide_unused, legend_patches, new_figure
+from qboot.study.figures.catalogue.extraction import best_run
+from qboot.study.figures.catalogue.scenes import BLUE, GREEN, LOOKS, PURPLE, RED, Scene, Shape
 from qboot.study.pipeline.stages import read_actions, task_of
 from qboot.study.store.runs import Run
 

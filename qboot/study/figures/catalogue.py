@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from qboot.envs import TASKS
 from qboot.study.analysis.curves import runs_below
 from qboot.study.controls import conditions as ablations
-from qboot.study.figures import arm as figures_arm
-from qboot.study.figures import behaviour as figures_behaviour
-from qboot.study.figures import controls as figures_ablations
-from qboot.study.figures import extraction as figures_extraction
-from qboot.study.figures import scores as figures_scores
-from qboot.study.figures.drawing import STYLE, Drawn
+from qboot.study.figures.catalogue import arm as figures_arm
+from qboot.study.figures.catalogue import behaviour as figures_behaviour
+from qboot.study.figures.catalogue import controls as figures_ablations
+from qboot.study.figures.catalogue import extraction as figures_extraction
+from qboot.study.figures.catalogue import scores as figures_scores
+from qboot.study.figures.catalogue.drawing import STYLE, Drawn
 from qboot.study.store import files
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

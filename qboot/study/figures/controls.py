@@ -15,8 +15,8 @@ from qboot.study.analysis.control_measures import (
 from qboot.study.analysis.curves import Curve, common_grid, top_score
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.statistics import median_and_quartiles, quartiles
-from qboot.study.figures.drawing import Drawn, new_figure
-from qboot.study.figures.scenes import BLUE, GREEN, GREY, RED
+from qboot.study.figures.catalogue.drawing import Drawn, new_figure
+from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED
 from qboot.study.store.runs import Run
 
 Cells = dict[str, list[Run]]

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from qboot.study.figures.scenes import BLUE, GREEN, GREY, RED, Scene, Shape
+from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED, Scene, Shape
 
 METHOD_COLOURS = {"QL": RED, "ER": BLUE, "ER+transfer": GREEN}
 METHOD_LABELS = {"QL": "Q-learning", "ER": "ER (evolution)", "ER+transfer": "ER + transfer"}

@@ -6,8 +6,8 @@ from matplotlib.collections import LineCollection
 from qboot.extraction.segmentation import Segments, linear_segments, split_points
 from qboot.extraction.traces import traces
 from qboot.study.analysis.curves import gather, source_curve
-from qboot.study.figures.drawing import Drawn, new_figure
-from qboot.study.figures.scenes import BLUE, GREEN, GREY, RED
+from qboot.study.figures.catalogue.drawing import Drawn, new_figure
+from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED
 from qboot.study.pipeline.stages import read_lineage, source_problem, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

@@ -19,8 +19,8 @@ from qboot.study.analysis.curves import (
 )
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.statistics import mann_whitney, median_and_quartiles
-from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
-from qboot.study.figures.scenes import GREY
+from qboot.study.figures.catalogue.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
+from qboot.study.figures.catalogue.scenes import GREY
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 

@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs.task import Domain
-from qboot.qlearning import learner
+from qboot.qlearning import Problem
 from qboot.qlearning.learner import EpisodeInfo, LearnerState
 from qboot.qlearning.networks import QNetworks
 from qboot.study.pipeline import loop
@@ -41,6 +42,17 @@ def learn_stage(run: Run[RunSettings], workers: int) -> None:
     files.write_npz(run.file("qnets.npz"), files.to_arrays(networks))
 
 
+def problem_on(run: Run[RunSettings], domains: Domain) -> Problem:
+    """Q-learning in some domains of the run's task, with what was extracted.
+
+    Raises:
+        ValueError: if what was extracted does not fit the task or the settings.
+    """
+    problem = Problem(task_of(run), run.settings.learner, domains, read_actions(run), read_inputs(run))
+    qlearning.check_problem(problem)
+    return problem
+
+
 def learned(
     run: Run[RunSettings],
     domains: Domain,
@@ -51,15 +63,14 @@ def learned(
     networks: QNetworks | None = None,
 ) -> QNetworks:
     """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over."""
-    task, settings = task_of(run), run.settings.learner
-    actions, inputs = read_actions(run), read_inputs(run)
-    state = learner.init(key_of(run, purpose), task, domains, actions, inputs, settings, networks=networks)
+    problem = problem_on(run, domains)
+    state = qlearning.init(key_of(run, purpose), problem, networks=networks)
     checkpoint = run.file(f"{name}.checkpoint.npz")
     start = begin(state, checkpoint)
 
     def step(learning: Learning) -> Learning:
         size = call_size(learning.episodes, n_episodes)
-        return after(learning, *learner.learn(learning.state, task, domains, actions, inputs, settings, size))
+        return after(learning, *qlearning.learn(learning.state, problem, size))
 
     with Progress(f"{name} {run.label}", "episode", n_episodes, start.episodes) as progress:
         work = Work(

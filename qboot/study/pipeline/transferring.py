@@ -2,19 +2,18 @@
 
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs.task import Domain
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.behaviour import STATES
-from qboot.qlearning import policy
 from qboot.qlearning.networks import QNetworks
 from qboot.study.pipeline.evolving import evolved, problem_on
 from qboot.study.pipeline.learning import learned
+from qboot.study.pipeline.learning import problem_on as learning_problem_on
 from qboot.study.store import files
 from qboot.study.store.artifacts import (
     key_of,
-    read_actions,
     read_individuals,
-    read_inputs,
     read_lineage,
     read_networks,
     task_of,
@@ -61,9 +60,7 @@ def _generalisation(run: Run[RunSettings], domains: Domain, networks: QNetworks)
     evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
     of_network = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
-    of_policy = policy.evaluate(
-        networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner
-    )
+    of_policy = qlearning.evaluate(networks, key, learning_problem_on(run, domains))
     return {
         "method": ["ER"] * len(of_network) + ["QL"] * len(of_network),
         "domain": [*range(len(of_network)), *range(len(of_network))],

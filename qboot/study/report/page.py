@@ -13,13 +13,13 @@ from qboot.study.analysis.curves import gather, runs_below, source_curve
 from qboot.study.analysis.sizes import Size
 from qboot.study.analysis.verdicts import Finding, Row
 from qboot.study.controls import conditions as ablations
-from qboot.study.figures import catalogue as figures
-from qboot.study.figures.catalogue import ABLATION_PLOTS, PLOTS, AblationPlot, Plot
-from qboot.study.figures.drawing import Drawn
-from qboot.study.figures.extraction import best_run
+from qboot.study.figures.catalogue import catalogue as figures
+from qboot.study.figures.catalogue.catalogue import ABLATION_PLOTS, PLOTS, AblationPlot, Plot
+from qboot.study.figures.catalogue.drawing import Drawn
+from qboot.study.figures.catalogue.extraction import best_run
 from qboot.study.pipeline import profiles
-from qboot.study.report import player as replay
-from qboot.study.report.player import PAGES, Player
+from qboot.study.report.page import player as replay
+from qboot.study.report.page.player import PAGES, Player
 from qboot.study.store import files
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

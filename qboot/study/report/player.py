@@ -10,7 +10,7 @@ import numpy as np
 from qboot.envs.task import Task
 from qboot.study.analysis import recordings
 from qboot.study.analysis.recordings import Recording
-from qboot.study.figures.scenes import LOOKS, Scene, Shape
+from qboot.study.figures.catalogue.scenes import LOOKS, Scene, Shape
 from qboot.study.pipeline.stages import task_of
 from qboot.study.store import files
 from qboot.study.store.runs import Run
