@@ -5,6 +5,15 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import qboot
+from qboot.envs.registry import names
+from qboot.study.pipeline.table import STAGES, stage
+
+if TYPE_CHECKING:
+    from qboot.study.store.runs import Run
+    from qboot.study.store.settings import RunSettings
 
 DESCRIPTION = """\
 Bootstrap Q-learning for a robot from neuro-evolution: evolve networks from raw sensors and motors, extract actions
@@ -29,15 +38,9 @@ A whole study, several runs spread over the cores, and its report:
   qboot reproduce --profile quick --out results/quick
   qboot report    --out results/quick
 
-`qboot STAGE --help` lists every setting of a stage, with the paper's values as defaults.
+A task is a registered one, or one of your own: --task package.module:TASK, or --task path/to/file.py:TASK.
+`qboot STAGE --help` lists every setting of a stage, with the task's defaults.
 """
-
-STAGE_HELP = {
-    "evolve": "neuro-evolution on the source set: history.csv, lineage.npz, pareto.npz",
-    "extract": "actions and sensors from the lineage's traces: actions.npz, sensors.npz",
-    "learn": "Q-learning on the source set: qlearning.csv, qnets.npz",
-    "transfer": "new domains, without and with learning: generalisation.csv, transfer.csv",
-}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
     from qboot.study.store.files import RunError
 
     try:
-        if rest and options.command not in STAGE_HELP:
+        if rest and options.command not in [stage.name for stage in STAGES]:
             raise RunError(f"unknown arguments {' '.join(rest)}: see `qboot {options.command} --help`")
         options.run(options, rest)
     except (RunError, ValueError) as error:
@@ -68,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "qboot", description=DESCRIPTION, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    parser.add_argument("--version", action="version", version=f"qboot {qboot.__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     def command(name: str, help: str, run: Callable, add_help: bool = True) -> argparse.ArgumentParser:
@@ -75,32 +79,36 @@ def _parser() -> argparse.ArgumentParser:
         sub.set_defaults(run=run)
         return sub
 
-    for name, help in STAGE_HELP.items():
+    tasks = f"{', '.join(names())}, or where a task of your own is: package.module:TASK, path/to/file.py:TASK"
+    profiles = "smoke, quick (default), standard or paper: how large"
+    workers = "threads; they do not change results"
+    for each in STAGES:
         # The help of a stage goes on with its settings, which depend on task and profile.
-        sub = command(name, help, _stage, add_help=False)
+        sub = command(each.name, f"{each.help}: {', '.join(each.makes)}", _stage, add_help=False)
         sub.add_argument("-h", "--help", action="store_true", help="show this help and all settings")
-        sub.add_argument("--task", help="ball_collecting or box_pushing (a new run needs it)")
-        sub.add_argument("--profile", help="smoke, quick (default), standard or paper: how large")
-        sub.add_argument("--source", help="source domains, A (default), B or C")
+        sub.add_argument("--task", help=f"{tasks} (a new run needs it)")
+        sub.add_argument("--profile", help=profiles)
+        sub.add_argument("--source", help="source domains; default the task's first")
         sub.add_argument("--seed", type=int, help="seed of everything random, default 0")
         sub.add_argument("--out", type=Path, help="run folder; default results/PROFILE/TASK/SOURCE-SEED")
-        sub.add_argument("--workers", type=int, default=1, help="threads; they do not change results")
+        if each.is_parallel:
+            sub.add_argument("--workers", type=int, default=1, help=workers)
     sub = command("ablate", "control experiments on a study's runs: actions, sensors, number of actions", _ablate)
-    sub.add_argument("--task", required=True, help="ball_collecting or box_pushing")
+    sub.add_argument("--task", required=True, help=tasks)
     sub.add_argument("--what", nargs="+", metavar="WHAT", help="actions, sensors, n_actions; default all of them")
-    sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper: how large")
+    sub.add_argument("--profile", default="quick", help=profiles)
     sub.add_argument("--runs", type=int, help="learners per condition; default as the profile says")
     sub.add_argument("--episodes", type=int, help="Q-learning episodes of each; default as the profile says")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
-    sub.add_argument("--lanes", type=int, help="learners side by side in a program; default as the profile says")
+    sub.add_argument("--lanes", type=int, help="learners side by side in a program, default 5")
     sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
     sub = command("replay", "an HTML page that plays the best network and the Q-policy of a run", _replay)
     sub.add_argument("--out", type=Path, required=True, help="run folder")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
     sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/quick")
     sub = command("reproduce", "all runs of a study, spread over the cores, and the report", _reproduce)
-    sub.add_argument("--profile", default="quick", help="smoke, quick (default), standard or paper")
-    sub.add_argument("--task", help="one task alone; default all")
+    sub.add_argument("--profile", default="quick", help=profiles)
+    sub.add_argument("--task", help="one task alone; default those of the paper")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--jobs", type=int, help="runs at a time; default one per core")
     return parser
@@ -110,16 +118,20 @@ def _stage(options: argparse.Namespace, rest: list[str]) -> None:
     if options.help:
         _show_help(options)
         return
-    from qboot.study.pipeline.stages import STAGES
+    workers = getattr(options, "workers", 1)
+    _check_workers(workers)
+    stage(options.command).do(_run(options, rest), workers)
+
+
+def _check_workers(workers: int) -> None:
+    if workers < 1:
+        raise ValueError(f"--workers is {workers}: at least 1 thread is needed")
+
+
+def _run(options: argparse.Namespace, rest: list[str]) -> "Run[RunSettings]":
+    """The run that a stage is for: begun by `--task`, or found in `--out`."""
     from qboot.study.store import runs
 
-    if options.workers < 1:
-        raise ValueError(f"--workers is {options.workers}: at least 1 thread is needed")
-    STAGES[options.command](_run(options, rest, runs), options.workers)
-
-
-def _run(options: argparse.Namespace, rest: list[str], runs):
-    """The run that a stage is for: begun by `--task`, or found in `--out`."""
     if options.task is None:
         if options.out is None:
             raise ValueError("say which run: --out DIR of one begun, or --task for a new one")
@@ -128,20 +140,20 @@ def _run(options: argparse.Namespace, rest: list[str], runs):
             raise ValueError(f"{' '.join(given + rest)} without --task: a run that exists has its settings already")
         return runs.load(options.out)
     settings = _settings(options, rest)
-    default = Path("results") / settings.profile / settings.task / f"{settings.source}-{settings.seed}"
-    return runs.create(options.out or default, settings)
+    return runs.create(options.out or runs.folder_of(Path("results") / settings.profile, settings), settings)
 
 
-def _settings(options: argparse.Namespace, rest: list[str]):
-    """Settings of a new run: the profile's, changed by what else was said on the command line."""
-    import tyro
-
+def _settings(options: argparse.Namespace, rest: list[str]) -> "RunSettings":
+    """Settings of a new run: the task's and the profile's, changed by what else was said on the command line."""
+    from qboot.envs import get_task
     from qboot.study.pipeline import profiles
 
-    values = options.task, options.profile or "quick", options.source or "A", options.seed or 0
-    settings = profiles.settings_of(*values)
+    source = options.source or get_task(options.task).sources[0]
+    settings = profiles.settings_of(options.task, options.profile or "quick", source, options.seed or 0)
     if not rest:
         return settings
+    import tyro
+
     return tyro.cli(type(settings), default=settings, args=rest, prog=f"qboot {options.command}")
 
 
@@ -149,48 +161,48 @@ def _show_help(options: argparse.Namespace) -> None:
     choices = _parser()._subparsers._group_actions[0].choices  # argparse has no public way to a subcommand's parser
     choices[options.command].print_help()
     print("\nEvery setting of a run can be changed when it is begun; these are the defaults:\n")
-    options.task = options.task or "ball_collecting"
+    options.task = options.task or names()[0]
     _settings(options, ["--help"])
 
 
 def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study.controls import conditions as ablations
-    from qboot.study.controls import sweep
+    from qboot.envs import get_task
+    from qboot.study.controls import cells, sweep
+    from qboot.study.controls.conditions import WHATS
     from qboot.study.pipeline import profiles
 
-    if options.workers < 1:
-        raise ValueError(f"--workers is {options.workers}: at least 1 thread is needed")
+    _check_workers(options.workers)
     study = options.out or Path("results") / options.profile
-    for what in options.what or ablations.WHATS:
-        size = profiles.sweep_of(options.task, what, options.profile)
+    for what in options.what or WHATS:
+        size = profiles.control_size_of(get_task(options.task), what, options.profile)
         n_runs = size.runs if options.runs is None else options.runs
         n_episodes = size.episodes if options.episodes is None else options.episodes
-        lanes = profiles.LANES if options.lanes is None else options.lanes
-        cells = ablations.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes)
-        sweep.learn_cells(cells, options.workers)
+        lanes = sweep.LANES if options.lanes is None else options.lanes
+        begun = cells.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes)
+        sweep.learn_cells(begun, options.workers)
 
 
 def _replay(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study.report.page import player as replay
+    from qboot.study.report import player
     from qboot.study.store import runs
 
-    print(replay.write(runs.load(options.out)))
+    print(player.write(runs.load(options.out)))
 
 
 def _report(options: argparse.Namespace, rest: list[str]) -> None:
-    from qboot.study.report.page import page as report
+    from qboot.study.report import page
 
-    print(report.write(options.out))
+    print(page.write(options.out))
 
 
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
-    from qboot.study.report.page import page as report
+    from qboot.study.report import page
 
     out = options.out or Path("results") / options.profile
     runner.share_compiled_programs(out)
     runner.reproduce(options.profile, options.task, out, options.jobs)
-    print(report.write(out))
+    print(page.write(out))
 
 
 if __name__ == "__main__":

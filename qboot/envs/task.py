@@ -7,12 +7,13 @@ what it leaves out, the study does without.
 Shape letters used everywhere: B controllers, D domains, T steps, S sensors, E effectors, F frames of a recording.
 """
 
+from __future__ import annotations  # so that what annotations name need not be imported
+
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-import jax
-
 if TYPE_CHECKING:  # a task's optional parts speak of rooms that know the task
+    import jax
     from matplotlib.figure import Figure
 
     from qboot.envs.scene import Scene
@@ -43,17 +44,17 @@ Domain = Any  # a pytree of arrays: walls, positions, sizes; a set of domains ha
 class Expert(NamedTuple):
     """What a human would give a Q-learner: the yardstick of the control experiments (section VII)."""
 
-    actions: Callable[[], "ActionSet"]
+    actions: Callable[[], ActionSet]
     sensors: tuple[tuple[str, ...], ...]  # names of the chosen sensors by lag; the first are those of now
 
 
 class View(NamedTuple):
     """How a task is drawn, on figures and in players."""
 
-    scene: Callable[[Domain, Any], "Scene"]  # (domain, states (F, ...)) -> scene
+    scene: Callable[[Domain, Any], Scene]  # (domain, states (F, ...)) -> scene
     domains: Callable[[], list[tuple[str, Domain]]]  # all domains with their names
     note: str  # what one should know of the domains
-    picture: Callable[["Task"], tuple["Figure", str]] | None = None  # of the robot, and what it shows
+    picture: Callable[[Task], tuple[Figure, str]] | None = None  # of the robot, and what it shows
 
 
 class Task(NamedTuple):
@@ -80,8 +81,8 @@ class Task(NamedTuple):
     outcome: Callable[[Domain, Any], jax.Array]  # -> (k,) vector compared by the ad hoc distance
     trajectory_period: int  # steps between two recorded cells
     physics: tuple[str, ...] = ("own",)  # names of what it can run on, the one of record first
-    on_physics: Callable[[str], "Task"] | None = None  # the task on another one of them
+    on_physics: Callable[[str], Task] | None = None  # the task on another one of them
     expert: Expert | None = None
     view: View | None = None
-    defaults: Callable[[], "Defaults"] | None = None  # settings and sizes by profile; generic ones without
-    paper: Callable[[], "Paper"] | None = None  # what a paper printed about it
+    defaults: Callable[[], Defaults] | None = None  # settings and sizes by profile; generic ones without
+    paper: Callable[[], Paper] | None = None  # what a paper printed about it

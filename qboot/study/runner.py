@@ -16,15 +16,16 @@ from pathlib import Path
 import jax
 from tqdm import tqdm
 
-from qboot.envs import TASKS
-from qboot.study.controls.conditions import WHATS, folder_of
+from qboot.envs.registry import BUILT_IN, get_task
+from qboot.study.controls.cells import folder_of as folder_of_cells
+from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.progress import STATUS_VARIABLE
+from qboot.study.pipeline.table import STAGES
 from qboot.study.store import runs
 from qboot.study.store.files import RunError
-from qboot.study.store.runs import RunSettings
+from qboot.study.store.settings import RunSettings
 
-STAGES = ("evolve", "extract", "learn", "transfer")
 # A stage that fails is run once more: it may have been killed for memory.
 TRIES = 2
 SECONDS_BETWEEN_LOOKS = 0.5
@@ -54,11 +55,11 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    tasks = [task] if task else list(TASKS)
+    tasks = [task] if task else list(BUILT_IN)
     settings = {name: profiles.runs_of(name, profile) for name in tasks}
     for of_task in settings.values():
         for run in of_task:
-            runs.create(_folder_of(out, run), run)
+            runs.create(runs.folder_of(out, run), run)
     with tempfile.TemporaryDirectory() as scratch:
         status = (Path(scratch) / f"{i}.json" for i in itertools.count())
         of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
@@ -121,14 +122,10 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         worker.result()
 
 
-def _folder_of(out: Path, run: RunSettings) -> Path:
-    return out / run.task / f"{run.source}-{run.seed}"
-
-
 def _run_job(out: Path, run: RunSettings, status: Path) -> Job:
-    folder = _folder_of(out, run)
-    steps = {stage: [stage, "--out", str(folder)] for stage in STAGES}
-    return Job(f"{run.task} {run.source}-{run.seed}", status, folder, steps)
+    folder = runs.folder_of(out, run)
+    steps = {stage.name: [stage.name, "--out", str(folder)] for stage in STAGES}
+    return Job(f"{get_task(run.task).name} {run.source}-{run.seed}", status, folder, steps)
 
 
 def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_runs: list[Job]) -> Job:
@@ -138,7 +135,8 @@ def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_r
     def is_ready() -> bool:
         return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
 
-    return Job(f"{task} {what}", status, folder_of(out, task, what), {"ablate": arguments}, is_ready)
+    name = get_task(task).name
+    return Job(f"{name} {what}", status, folder_of_cells(out, name, what), {"ablate": arguments}, is_ready)
 
 
 def _do_steps(job: Job) -> str:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from qboot.envs.box_pushing.dynamics import arm
-from qboot.envs.box_pushing.dynamics import SENSORS
+from qboot.envs.box_pushing.dynamics import SENSORS, arm
 from qboot.extraction.actions import ActionSet
 from qboot.extraction.baselines import constant_actions
 

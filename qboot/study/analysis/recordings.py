@@ -9,10 +9,10 @@ from qboot import qlearning
 from qboot.envs.task import Domain, Task
 from qboot.neuroevolution import evaluation, evolve
 from qboot.neuroevolution.behaviour import STATES
-from qboot.study.store.runs import Run
 from qboot.study.pipeline.evolving import source_problem
 from qboot.study.pipeline.learning import problem_on as learning_problem
 from qboot.study.store.artifacts import key_of, read_lineage, read_networks, task_of
+from qboot.study.store.runs import Run
 
 
 class Recording(NamedTuple):

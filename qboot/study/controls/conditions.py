@@ -65,8 +65,7 @@ def conditions(task: Task, what: str) -> dict[str, Condition]:
             "random+": Condition("drawn at random, as many as selected", actions, as_many_random_sensors),
         },
         "n_actions": {
-            str(n): Condition(f"{n} extracted actions", clustered_actions, sensors)
-            for n in defaults_of(task).n_actions
+            str(n): Condition(f"{n} extracted actions", clustered_actions, sensors) for n in defaults_of(task).n_actions
         },
     }
     if what not in tables:

@@ -89,6 +89,11 @@ def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:
     return Run(folder, _from_plain(kind, _read(config), config))
 
 
+def folder_of(study: Path, settings: RunSettings) -> Path:
+    """Where a run is in the folder of a study: TASK/SOURCE-SEED."""
+    return study / get_task(settings.task).name / f"{settings.source}-{settings.seed}"
+
+
 def find(results: Path) -> list[Run[RunSettings]]:
     """All runs below a folder, in order of their paths."""
     return [load(config.parent) for config in sorted(results.glob("*/*/config.json"))]
