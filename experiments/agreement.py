@@ -20,7 +20,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from qboot.envs.box_pushing.dynamics import PHYSICS, task
+from qboot.envs.box_pushing import PHYSICS, task
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.behaviour import FLOW
 from qboot.neuroevolution.dnn import Genome, Topology

@@ -19,11 +19,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot.envs import geometry
-from qboot.envs.ball_collecting.dynamics import dynamics as ball_collecting
+from qboot.envs.ball_collecting import dynamics as ball_collecting
 from qboot.envs.ball_collecting.domains import Arena
-from qboot.envs.box_pushing.dynamics import arm as robot
-from qboot.envs.box_pushing.dynamics import domains as blocks
-from qboot.envs.box_pushing.dynamics import dynamics as box_pushing
+from qboot.envs.box_pushing import arm as robot
+from qboot.envs.box_pushing import domains as blocks
+from qboot.envs.box_pushing import dynamics as box_pushing
 
 LIGHT_COLOURS = (3, 2, 4)  # ball, basket, switch, in the recordings of fastsim
 REST = 1e-4  # m, a block that shifts by less in a step is at rest

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
 from qboot.envs import TASKS
-from qboot.envs.box_pushing.dynamics import arm
+from qboot.envs.box_pushing import arm
 from qboot.extraction import baselines
 from qboot.extraction.actions import SCALES, ActionSet, ActionSettings, cluster_actions, commands, fit_scaling
 from qboot.extraction.clustering import cluster, fuzzy_c_means

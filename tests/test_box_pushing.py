@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from experiments import agreement, parity
-from qboot.envs.box_pushing.dynamics import arm
-from qboot.envs.box_pushing.dynamics import domains as blocks
-from qboot.envs.box_pushing.dynamics import dynamics as box_pushing
-from qboot.envs.box_pushing.dynamics import physics_kinematic as box_pushing_kinematic
-from qboot.envs.box_pushing.dynamics import physics_mjx as box_pushing_mjx
+from qboot.envs.box_pushing import arm
+from qboot.envs.box_pushing import domains as blocks
+from qboot.envs.box_pushing import dynamics as box_pushing
+from qboot.envs.box_pushing import physics_kinematic as box_pushing_kinematic
+from qboot.envs.box_pushing import physics_mjx as box_pushing_mjx
 from qboot.neuroevolution.dnn import Genome, Topology
 
 ROOT = Path(__file__).parents[1]

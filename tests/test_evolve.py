@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from qboot.envs.ball_collecting.dynamics import dynamics as ball_collecting
-from qboot.envs.box_pushing.dynamics import dynamics as box_pushing
+from qboot.envs.ball_collecting import dynamics as ball_collecting
+from qboot.envs.box_pushing import dynamics as box_pushing
 from qboot.neuroevolution import dnn, evaluation, evolve
 from qboot.neuroevolution.behaviour import FLOW, RECORDERS
 from qboot.neuroevolution.dnn import Topology

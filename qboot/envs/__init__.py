@@ -6,8 +6,8 @@ from qboot.envs.registry import get_task, names, register
 from qboot.envs.task import Domain, Expert, Task, TaskState, View
 
 if TYPE_CHECKING:
-    from qboot.envs.ball_collecting.dynamics import BallCollecting
-    from qboot.envs.box_pushing.dynamics import BoxPushing
+    from qboot.envs.ball_collecting import BallCollecting
+    from qboot.envs.box_pushing import BoxPushing
 
 # A task's folder knows the rooms that use tasks, so it is imported when it is asked for.
 _LATER = {"BallCollecting": "qboot.envs.ball_collecting", "BoxPushing": "qboot.envs.box_pushing"}

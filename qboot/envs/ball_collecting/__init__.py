@@ -1,6 +1,6 @@
 """Ball collecting (paper, section V): a mobile robot brings balls to a basket."""
 
-from qboot.envs.ball_collecting.dynamics import defaults, domains, dynamics, expert, paper, view
+from qboot.envs.ball_collecting import defaults, domains, dynamics, expert, paper, view
 from qboot.envs.brax_env import TaskEnv
 from qboot.envs.task import Expert, Task, View
 

@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 
+from qboot.envs.ball_collecting import domains, dynamics
 from qboot.envs.ball_collecting.domains import Arena
-from qboot.envs.ball_collecting.dynamics import domains, dynamics
 from qboot.envs.scene import BLUE, GREEN, GREY, PALE_PURPLE, PURPLE, YELLOW, Scene, Shape, disc
 
 NOTE = (

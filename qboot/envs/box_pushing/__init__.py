@@ -2,7 +2,7 @@
 
 import functools
 
-from qboot.envs.box_pushing.dynamics import (
+from qboot.envs.box_pushing import (
     defaults,
     domains,
     dynamics,

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs.box_pushing.dynamics import arm
+from qboot.envs.box_pushing import arm
 
 SOURCE_WIDTHS = (1.0, 2.0, 3.0)
 TARGET_WIDTHS = (0.5, 1.5, 2.5)

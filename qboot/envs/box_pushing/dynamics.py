@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from qboot.envs.box_pushing import arm, domains
 from qboot.envs.box_pushing.domains import Block
-from qboot.envs.box_pushing.dynamics import arm, domains
 
 SENSORS = (
     "hand_x", "hand_y", "hand_z",

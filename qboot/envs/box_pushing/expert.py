@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from qboot.envs.box_pushing.dynamics import SENSORS, arm
+from qboot.envs.box_pushing import arm
+from qboot.envs.box_pushing.dynamics import SENSORS
 from qboot.extraction.actions import ActionSet
 from qboot.extraction.baselines import constant_actions
 

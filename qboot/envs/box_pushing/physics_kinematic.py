@@ -7,8 +7,8 @@ block's shift in the contact step is quasi-static: fixed shares of the hand's ad
 import jax
 import jax.numpy as jnp
 
+from qboot.envs.box_pushing import arm, domains
 from qboot.envs.box_pushing.domains import Block
-from qboot.envs.box_pushing.dynamics import arm, domains
 
 # What the block moves by in the recorded contact steps, the same numbers as in model.xml.
 SHARE_OF_ADVANCE = 0.54

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import mujoco
 from mujoco import mjx
 
+from qboot.envs.box_pushing import arm
 from qboot.envs.box_pushing.domains import Block
-from qboot.envs.box_pushing.dynamics import arm
 
 MODEL_FILE = Path(__file__).with_name("model.xml")
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from qboot.envs.box_pushing.dynamics import arm, domains
+from qboot.envs.box_pushing import arm, domains
 from qboot.envs.scene import BLUE, GREY, PALE_GREY, YELLOW
 from qboot.envs.task import Task
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from qboot.envs.box_pushing import arm, domains, dynamics
 from qboot.envs.box_pushing.domains import Block
-from qboot.envs.box_pushing.dynamics import arm, domains, dynamics
 from qboot.envs.scene import BLUE, PALE_GREY, YELLOW, Scene, Shape
 from qboot.envs.task import Task
 

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from qboot.envs.ball_collecting.dynamics import domains as arenas
-from qboot.envs.ball_collecting.dynamics import dynamics as ball_collecting
-from qboot.envs.box_pushing.dynamics import arm
-from qboot.envs.box_pushing.dynamics import domains as blocks
-from qboot.envs.box_pushing.dynamics import dynamics as box_pushing
+from qboot.envs.ball_collecting import domains as arenas
+from qboot.envs.ball_collecting import dynamics as ball_collecting
+from qboot.envs.box_pushing import arm
+from qboot.envs.box_pushing import domains as blocks
+from qboot.envs.box_pushing import dynamics as box_pushing
 from qboot.envs.task import Domain
 
 # Okabe and Ito's colours, which colour-blind people can tell apart.
