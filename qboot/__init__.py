@@ -2,6 +2,6 @@
 
 from qboot.xla import compile_small_loops
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 compile_small_loops()

@@ -10,16 +10,18 @@ import pytest
 from conftest import TINY_SWEEP, begin_cells
 
 from qboot import qlearning
-from qboot.envs import TASKS
+from qboot.envs import get_task
 from qboot.extraction import baselines
-from qboot.study.controls import conditions as ablations
-from qboot.study.store import files
-from qboot.study.pipeline import learning
-from qboot.study.store import runs
-from qboot.study.pipeline import stages
+from qboot.study.controls import cells as folders
 from qboot.study.controls import sweep
-from qboot.study.controls.conditions import CellSettings
+from qboot.study.controls.conditions import WHATS, conditions
+from qboot.study.pipeline import learning, loop
+from qboot.study.store import files, runs
+from qboot.study.store.artifacts import read_actions, read_selection, task_of
 from qboot.study.store.files import RunError
+from qboot.study.store.settings import CellSettings
+
+BALL = get_task("ball_collecting")
 
 
 def digests(folder):
@@ -31,13 +33,13 @@ def digests(folder):
 
 
 def cells_of(tiny_study, what):
-    return {name: cells[0] for name, cells in ablations.find(tiny_study, "ball_collecting", what).items()}
+    return {name: cells[0] for name, cells in folders.find(tiny_study, "ball_collecting", what).items()}
 
 
 def test_every_condition_has_its_cells(tiny_study):
-    for what in ablations.WHATS:
-        found = ablations.find(tiny_study, "ball_collecting", what)
-        assert list(found) == list(ablations.conditions("ball_collecting", what))
+    for what in WHATS:
+        found = folders.find(tiny_study, "ball_collecting", what)
+        assert list(found) == list(conditions(BALL, what))
         for condition, cells in found.items():
             assert [cell.settings.seed for cell in cells] == list(range(TINY_SWEEP["n_runs"]))
             for cell in cells:
@@ -49,42 +51,42 @@ def test_every_condition_has_its_cells(tiny_study):
 
 def test_only_the_actions_differ_in_the_first_experiment(tiny_study, tiny_run):
     cells = cells_of(tiny_study, "actions")
-    chosen = baselines.human_sensors("ball_collecting")
+    chosen = baselines.chosen_sensors(BALL.expert.sensors, BALL.sensors)
     for cell in cells.values():
-        np.testing.assert_array_equal(stages.read_selection(cell), chosen)
-        assert len(stages.read_actions(cell).durations) == 17
-    extracted, human, random = (stages.read_actions(cells[name]) for name in ("extracted", "human", "random"))
-    np.testing.assert_array_equal(extracted.intercepts, stages.read_actions(tiny_run).intercepts)
+        np.testing.assert_array_equal(read_selection(cell), chosen)
+        assert len(read_actions(cell).durations) == 17
+    extracted, human, random = (read_actions(cells[name]) for name in ("extracted", "human", "random"))
+    np.testing.assert_array_equal(extracted.intercepts, read_actions(tiny_run).intercepts)
     assert (human.durations == 15).all()
     assert random.durations.min() >= 5 and random.durations.max() <= 25
-    others = ablations.find(tiny_study, "ball_collecting", "actions")["random"]
-    assert (stages.read_actions(others[1]).intercepts != random.intercepts).any()
+    others = folders.find(tiny_study, "ball_collecting", "actions")["random"]
+    assert (read_actions(others[1]).intercepts != random.intercepts).any()
 
 
 def test_only_the_sensors_differ_in_the_second_experiment(tiny_study, tiny_run):
     cells = cells_of(tiny_study, "sensors")
-    numbers = {name: int(stages.read_selection(cell).sum()) for name, cell in cells.items()}
+    numbers = {name: int(read_selection(cell).sum()) for name, cell in cells.items()}
     assert numbers["instant"] == 13
-    assert numbers["human"] == baselines.human_sensors("ball_collecting").sum()
-    assert numbers["selected"] == numbers["random+"] == stages.read_selection(tiny_run).sum()
+    assert numbers["human"] == baselines.chosen_sensors(BALL.expert.sensors, BALL.sensors).sum()
+    assert numbers["selected"] == numbers["random+"] == read_selection(tiny_run).sum()
     assert 1 <= numbers["random"] <= 156
     for cell in cells.values():
-        assert (stages.read_actions(cell).durations == 15).all()
+        assert (read_actions(cell).durations == 15).all()
 
 
 def test_the_third_experiment_has_its_numbers_of_actions(tiny_study, tiny_run):
     for name, cell in cells_of(tiny_study, "n_actions").items():
-        assert len(stages.read_actions(cell).durations) == int(name) == cell.settings.actions.n_actions
-    same = stages.read_actions(cells_of(tiny_study, "n_actions")["17"])
-    np.testing.assert_array_equal(same.slopes, stages.read_actions(tiny_run).slopes)
+        assert len(read_actions(cell).durations) == int(name) == cell.settings.actions.n_actions
+    same = read_actions(cells_of(tiny_study, "n_actions")["17"])
+    np.testing.assert_array_equal(same.slopes, read_actions(tiny_run).slopes)
 
 
 def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
     """Padded and side by side, or alone in its own shape: the same episodes, but for rounding."""
-    cells = [cell for some in ablations.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
-    shape = sweep.shape_of(cells)
+    cells = [cell for some in folders.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
+    shape = sweep.padded_to(cells)
     for cell in cells[::3]:
-        problem = stages.learning_problem(cell, stages.task_of(cell).source_domains("A"))
+        problem = learning.problem_on(cell, task_of(cell).source_domains("A"))
         state = qlearning.init(sweep.key_of_cell(cell), problem, shape.capacity)
         _, info = qlearning.learn(state, problem, TINY_SWEEP["n_episodes"])
         alone = learning.after(learning.begin(state, cell.file("none")), state, info).history
@@ -116,7 +118,7 @@ def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch)
     shutil.copytree(tiny_study, copied)
     before = digests(copied)
     shutil.rmtree(copied / "ablations" / "ball_collecting" / "actions")
-    monkeypatch.setattr(learning, "SECONDS_BETWEEN_SAVES", 0.0)
+    monkeypatch.setattr(loop, "SECONDS_BETWEEN_SAVES", 0.0)
     monkeypatch.setattr(learning, "EPISODES_PER_CALL", 1)
     save = learning.save
     kills = 0
@@ -164,12 +166,11 @@ def test_cells_begun_with_other_settings_are_refused(tiny_study):
 
 
 def test_padding_is_what_does_nothing(tiny_study):
-    cells = [cell for some in ablations.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
-    shape = sweep.shape_of(cells)
-    assert shape.n_inputs == max(int(stages.read_selection(cell).sum()) for cell in cells)
+    cells = [cell for some in folders.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
+    shape = sweep.padded_to(cells)
+    assert shape.n_inputs == max(int(read_selection(cell).sum()) for cell in cells)
     for cell in cells:
         problem = sweep.problem_of(cell, shape)
-        assert problem.inputs.mask.sum() == stages.read_selection(cell).sum()
+        assert problem.inputs.mask.sum() == read_selection(cell).sum()
         assert problem.actions.durations.shape == (shape.n_actions,)
         assert jax.tree.leaves(problem.domains)[0].shape[0] == 2
-    assert set(TASKS) == set(ablations.SWEPT_N_ACTIONS)

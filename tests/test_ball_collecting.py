@@ -13,11 +13,12 @@ from brax.envs.wrappers.training import EpisodeWrapper, VmapWrapper
 
 from experiments import parity
 from qboot.envs import BallCollecting, geometry
+from qboot.envs.ball_collecting import TASK
 from qboot.envs.ball_collecting import domains as arenas
 from qboot.envs.ball_collecting import dynamics as ball_collecting
 
 RECORDING = Path(__file__).parent / "data" / "fastsim_600_r20.npz"
-TASK = ball_collecting.TASK
+TASK = TASK
 ARENA = arenas.arena("A", 0)
 
 

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from qboot.envs.ball_collecting import dynamics as ball_collecting
-from qboot.envs.box_pushing import dynamics as box_pushing
+from qboot.envs.ball_collecting import TASK as BALL
+from qboot.envs.box_pushing import on_physics
 from qboot.neuroevolution import dnn, evaluation, evolve
 from qboot.neuroevolution.behaviour import FLOW, RECORDERS
 from qboot.neuroevolution.dnn import Topology
@@ -13,7 +13,7 @@ from qboot.neuroevolution.evolve import EvolutionSettings, Problem
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
 from qboot.neuroevolution.variation import MutationRates
 
-TASK = ball_collecting.TASK._replace(max_steps=130)
+TASK = BALL._replace(max_steps=130)
 SETTINGS = EvolutionSettings(population=6, generations=4, diversity_period=2)
 
 
@@ -93,7 +93,7 @@ def test_transfer_starts_from_the_front():
 
 def test_survivors_face_the_starts_of_their_generation():
     """Re-evaluation against evaluating each generation by hand; the archive keeps the scores of birth."""
-    robot = box_pushing.task("kinematic")
+    robot = on_physics("kinematic")
     settings = EvolutionSettings(population=6, reevaluate=True)
     pushing = Problem(robot, robot.source_domains("A"), settings, Topology(feed_forward=True), jax.random.key(3), 1)
     state, info = evolve.init(pushing)
@@ -117,7 +117,7 @@ def test_survivors_face_the_starts_of_their_generation():
 @pytest.mark.parametrize("name", RECORDERS)
 def test_records_are_those_of_the_whole_flow(name):
     """Each description, made step by step in the compiled loop, against the same made from the recorded flow."""
-    task = ball_collecting.TASK._replace(max_steps=600)
+    task = BALL._replace(max_steps=600)
     genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), 4), Topology())
     keys = jax.random.split(jax.random.key(4), 4)
     domains = task.source_domains("A")

@@ -7,16 +7,16 @@ import shutil
 import numpy as np
 import pytest
 from conftest import tiny_settings
+from qboot.study.analysis.paper import Result
+from qboot.study.pipeline.stages import read_lineage, task_of
 
 from qboot.study.analysis import measures, paper, recordings, sizes, verdicts
 from qboot.study.analysis.curves import Curve, moving_mean
 from qboot.study.analysis.measures import Sample
-from qboot.study.analysis.paper import Result
 from qboot.study.analysis.statistics import Comparison
 from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NOT_COMPARABLE
 from qboot.study.figures.catalogue import catalogue as figures
 from qboot.study.pipeline import profiles
-from qboot.study.pipeline.stages import read_lineage, task_of
 from qboot.study.report.page import page as report
 from qboot.study.report.page import player as replay
 from qboot.study.store import files, runs

@@ -6,11 +6,12 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import TINY, tiny_settings
+from conftest import tiny_settings
 
-from qboot.study.pipeline import learning, stages
-from qboot.study.pipeline.stages import STAGES
+from qboot.study.pipeline import learning, loop
+from qboot.study.pipeline.table import STAGES, stage
 from qboot.study.store import files, runs
+from qboot.study.store.artifacts import read_lineage
 from qboot.study.store.files import RunError
 
 CONTRACT = {
@@ -55,8 +56,8 @@ def test_a_run_folder_holds_what_it_should(tiny_run):
 
 def test_finished_stages_are_skipped(tiny_run):
     before = {path.name: path.stat().st_mtime_ns for path in tiny_run.folder.iterdir()}
-    for stage in STAGES.values():
-        stage(tiny_run, 1)
+    for each in STAGES:
+        each.do(tiny_run)
     assert {path.name: path.stat().st_mtime_ns for path in tiny_run.folder.iterdir()} == before
 
 
@@ -65,7 +66,7 @@ def test_a_stage_that_is_done_again_removes_what_came_of_it(tiny_run, tmp_path):
     shutil.copytree(tiny_run.folder, tmp_path / "run")
     run = runs.load(tmp_path / "run")
     run.file("qnets.npz").unlink()
-    STAGES["learn"](run, 1)
+    stage("learn").do(run)
     assert digests(tiny_run.folder).keys() - digests(run.folder).keys() == {
         "generalisation.csv",
         "target_learn.csv",
@@ -73,17 +74,17 @@ def test_a_stage_that_is_done_again_removes_what_came_of_it(tiny_run, tmp_path):
         "target_er_transfer.csv",
         "transfer.csv",
     }
-    STAGES["transfer"](run, 1)
+    stage("transfer").do(run)
     assert digests(run.folder) == digests(tiny_run.folder)
 
 
 def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch):
     """Every stage is killed in its middle, just after a save, and started again."""
-    monkeypatch.setattr(learning, "SECONDS_BETWEEN_SAVES", 0.0)
+    monkeypatch.setattr(loop, "SECONDS_BETWEEN_SAVES", 0.0)
     monkeypatch.setattr(learning, "EPISODES_PER_CALL", 1)
     run = runs.create(tmp_path / "A-0", tiny_run.settings)
     kills = 0
-    for stage in STAGES.values():
+    for each in STAGES:
         for saves_before_kill in (1, 2, None):
             saves = 0
 
@@ -98,7 +99,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch)
             with monkeypatch.context() as patch:
                 patch.setattr(files, "write_npz", save)
                 try:
-                    stage(run, 1)
+                    each.do(run)
                 except Killed:
                     kills += 1
     assert kills >= 6
@@ -132,14 +133,14 @@ def test_a_truncated_file_is_named(tiny_run, tmp_path, name):
     ):
         run.file(later).unlink()
     with pytest.raises(RunError, match=f"{name} is damaged"):
-        for stage in STAGES.values():
-            stage(run, 1)
+        for each in STAGES:
+            each.do(run)
 
 
 def test_a_missing_stage_is_named(tmp_path):
     run = runs.create(tmp_path, tiny_settings())
     with pytest.raises(RunError, match="run the stage that makes it first"):
-        STAGES["extract"](run, 1)
+        stage("extract").do(run)
 
 
 def test_other_settings_or_versions_are_refused(tmp_path):
@@ -172,10 +173,10 @@ def test_replayed_scores_must_be_the_saved_ones(tiny_run, tmp_path):
     files.write_npz(run.file("lineage.npz"), arrays | {"scores": arrays["scores"] + 1})
     run.file("sensors.npz").unlink()
     with pytest.raises(RunError, match="does not replay"):
-        STAGES["extract"](run, 1)
+        stage("extract").do(run)
 
 
 def test_trees_of_arrays_survive_a_file(tiny_run):
-    best = stages.read_lineage(tiny_run)
+    best = read_lineage(tiny_run)
     assert best.genomes.weights.shape == (len(best.ids), 75)
-    assert best.scores.dtype == np.float32 and TINY.horizon >= len(best.ids)
+    assert best.scores.dtype == np.float32 and tiny_run.settings.evolution.horizon >= len(best.ids)

@@ -35,7 +35,6 @@ def toy_task(name, sensors, max_steps, reward, reset, step, domains, rollouts_pe
         rollouts_per_domain=rollouts_per_domain,
         max_score_per_domain=rollouts_per_domain,
         reward=reward,
-        feed_forward=False,
         reset=reset,
         step=step,
         truncated=lambda state: jnp.array(False),

@@ -31,7 +31,7 @@ SENSOR_HIGH = np.array([0.62, 0.11, 0.827, 0.48, 0.44, 0.48, 0.55, 0.07, 0.67, 0
 REWARD = 10.0
 NORMAL_ALIGNMENT = 0.98  # at least this much of the contact normal points along +y
 CENTRING = 0.02  # m, largest distance in x and z between the centres
-GRID = np.array([6, 6, 4])  # cells of the discretised trajectory over the hand's reach: 9 x 8 x 3 cm each
+GRID = np.array([6, 6, 4], np.int32)  # cells of the discretised trajectory over the hand's reach: 9 x 8 x 3 cm each
 
 
 class PushState(NamedTuple):
@@ -113,7 +113,7 @@ def position(domain: Block, state: PushState) -> jax.Array:
     """Cell of the hand on a 6 x 6 x 4 grid over its reach, () int32 in [0, 144)."""
     del domain
     share = (state.hand - arm.REACH_LOW) / (arm.REACH_HIGH - arm.REACH_LOW)
-    cell = jnp.clip((share * GRID).astype(jnp.int32), 0, GRID - 1)
+    cell = jnp.clip((share * GRID.astype(np.float32)).astype(jnp.int32), 0, GRID - 1)
     return (cell[0] * GRID[1] + cell[1]) * GRID[2] + cell[2]
 
 

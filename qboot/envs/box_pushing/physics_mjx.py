@@ -43,7 +43,8 @@ def move(domain: Block, hand: jax.Array, block: jax.Array, command: jax.Array) -
     effort = 2.0 * arm.admissible(hand, command) - 1.0
     # MuJoCo's sliders are chained from z to x, and the block slides along x and y.
     data = model()[2].replace(qpos=jnp.concatenate([hand[::-1], block[:2]]), ctrl=effort[::-1])
-    data = mjx.step(sized(domain, block[2]), data)
+    with jax.numpy_dtype_promotion("standard"):  # MJX mixes kinds of numbers
+        data = mjx.step(sized(domain, block[2]), data)
     contact = data._impl.contact  # MJX has no public access to it
     return arm.Motion(
         hand=data.qpos[2::-1],
