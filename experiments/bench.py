@@ -17,18 +17,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.envs import PHYSICS, make_task
+from qboot.envs import PHYSICS, TASKS, make_task
 from qboot.extraction.actions import ActionSet
-from qboot.extraction.baselines import HUMAN_ACTIONS, human_sensors
+from qboot.extraction.baselines import named_sensors
 from qboot.extraction.clustering import fuzzy_c_means
 from qboot.extraction.sensors import SensorSettings, sensor_votes
 from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
-from qboot.neuroevolution.behaviour import RECORDERS
-from qboot.neuroevolution.diversity import DIVERSITIES
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings, Problem
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.problem import Problem
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning import learner
 from qboot.qlearning.inputs import input_set
+from qboot.study.ablations import EXPERTS
 from qboot.study.profiles import LANES, LEARNERS
 from qboot.study.sweep import Lane, learn_lanes
 
@@ -54,9 +55,9 @@ def least(call: Callable, repeats: int = 3) -> float:
     return min(seconds)
 
 
-def random_genomes(n: int, topology: Topology) -> dnn.Genome:
+def random_genomes(n: int, network: DnnSettings) -> dnn.Genome:
     """The first generation's networks."""
-    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), topology)
+    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), network)
 
 
 def environment(name: str, physics: str, batch: int) -> dict:
@@ -80,12 +81,12 @@ def environment(name: str, physics: str, batch: int) -> dict:
 def controllers(name: str, physics: str, batch: int) -> dict:
     """Steps of environment and evolved network together, one thread."""
     task = make_task(name, physics)
-    topology = Topology(feed_forward=task.feed_forward)
+    network = DnnSettings(feed_forward=task.feed_forward)
     domains = task.source_domains("A")
 
-    parts = task, topology, RECORDERS["hamming"], domains
+    parts = task, network, DISTANCES["hamming"].recorder, domains
     run = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
-    arguments = random_genomes(batch, topology), jax.random.split(jax.random.key(1), batch)
+    arguments = random_genomes(batch, network), jax.random.split(jax.random.key(1), batch)
     compile_seconds, seconds = timed(run, *arguments)
     steps = int(run(*arguments).steps.sum())
     return {
@@ -101,19 +102,19 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
 
     The population is random, or evolved for `n_before` generations in the faster physics of the task.
     """
-    topology = Topology(feed_forward=make_task(name, physics).feed_forward)
+    network = DnnSettings(feed_forward=make_task(name, physics).feed_forward)
 
     def problem_in(physics: str, diversities: tuple[str, ...]) -> Problem:
         task = make_task(name, physics)
         settings = EvolutionSettings(diversities=diversities, reevaluate=reevaluate)
-        return Problem(task, task.source_domains("A"), settings, topology, jax.random.key(0), workers)
+        return Problem(task, task.source_domains("A"), settings, network, jax.random.key(0), workers)
 
-    fast = problem_in(PHYSICS[name][-1], tuple(DIVERSITIES))
+    fast = problem_in(PHYSICS[name][-1], tuple(DISTANCES))
     begun, _ = evolve.init(fast)
     for _ in range(n_before):
         begun, _ = evolve.step(fast, begun)
     seconds = {}
-    for diversity in DIVERSITIES:
+    for diversity in DISTANCES:
         problem = problem_in(physics, (diversity,))
         # The survivors as this distance describes them; this compiles, too.
         state = begun._replace(behaviours=evolve.describe(problem, begun.population, begun.generation))
@@ -125,7 +126,7 @@ def q_learning(n_episodes: int) -> dict:
     """Episodes of Q-learning on ball collecting with the human-designed actions, one thread."""
     task = make_task("ball_collecting", "fastsim")
     domains = task.source_domains("A")
-    actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS["ball_collecting"]()))
+    actions = ActionSet(*map(jnp.asarray, EXPERTS["ball_collecting"].actions()))
     inputs, settings = input_set(np.ones((3, 13), bool)), LEARNERS["ball_collecting"]
     state = learner.init(jax.random.key(0), task, domains, actions, inputs, settings)
     run = partial(learner.learn, state, task, domains, actions, inputs, settings, n_episodes)
@@ -145,8 +146,8 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     task = make_task(name, PHYSICS[name][0])
     lane = Lane(
         task.source_domains("A"),
-        ActionSet(*map(jnp.asarray, HUMAN_ACTIONS[name]())),
-        input_set(human_sensors(name)),
+        ActionSet(*map(jnp.asarray, EXPERTS[name].actions())),
+        input_set(named_sensors(TASKS[name].sensors, EXPERTS[name].SENSORS)),
     )
     settings = LEARNERS[name]
     alone = [learner.init(key, task, *lane, settings) for key in jax.random.split(jax.random.key(0), n_seeds)]

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 from conftest import TINY_SWEEP, begin_cells
 
-from qboot.envs import TASKS
+from qboot.envs import TASKS, expert_ball_collecting
 from qboot.extraction import baselines
 from qboot.qlearning import learner
 from qboot.qlearning.inputs import input_set
 from qboot.study import ablations, files, learning, runs, stages, sweep
 from qboot.study.ablations import CellSettings
 from qboot.study.files import RunError
+
+
+def human_sensors():
+    return baselines.named_sensors(TASKS["ball_collecting"].sensors, expert_ball_collecting.SENSORS)
 
 
 def digests(folder):
@@ -45,7 +49,7 @@ def test_every_condition_has_its_cells(tiny_study):
 
 def test_only_the_actions_differ_in_the_first_experiment(tiny_study, tiny_run):
     cells = cells_of(tiny_study, "actions")
-    chosen = baselines.human_sensors("ball_collecting")
+    chosen = human_sensors()
     for cell in cells.values():
         np.testing.assert_array_equal(stages.read_selection(cell), chosen)
         assert len(stages.read_actions(cell).durations) == 17
@@ -61,7 +65,7 @@ def test_only_the_sensors_differ_in_the_second_experiment(tiny_study, tiny_run):
     cells = cells_of(tiny_study, "sensors")
     numbers = {name: int(stages.read_selection(cell).sum()) for name, cell in cells.items()}
     assert numbers["instant"] == 13
-    assert numbers["human"] == baselines.human_sensors("ball_collecting").sum()
+    assert numbers["human"] == human_sensors().sum()
     assert numbers["selected"] == numbers["random+"] == stages.read_selection(tiny_run).sum()
     assert 1 <= numbers["random"] <= 156
     for cell in cells.values():

@@ -13,7 +13,7 @@ import pytest
 
 from experiments import agreement, parity
 from qboot.envs import arm, blocks, box_pushing, box_pushing_kinematic, box_pushing_mjx
-from qboot.neuroevolution.dnn import Genome, Topology
+from qboot.neuroevolution.dnn import DnnSettings, Genome
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(__file__).parent / "data"
@@ -231,8 +231,8 @@ def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
     with np.load(DATA / "evolved_arms.npz") as arrays:
         genomes = Genome(*(arrays[f"{evolved_in}.{name}"] for name in Genome._fields))
     for seed in range(n_seeds):
-        found = agreement.agreement(genomes, Topology(feed_forward=True), seed)
-        assert found["tests"] == 15 * len(genomes.weights) >= 450
+        found = agreement.agreement(genomes, DnnSettings(feed_forward=True), seed)
+        assert found["rollouts"] == 15 * len(genomes.weights) >= 450
         assert found["outcome_agreement"] >= 0.995
         assert found["largest_score_difference"] <= 1
         assert 3 < found["score_mjx"] < 12  # pushes and failures are well represented

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.envs import TASKS
+from qboot.envs import TASKS, expert_ball_collecting, expert_box_pushing
 from qboot.extraction import baselines
 from qboot.extraction.actions import ActionSet, ActionSettings, cluster_actions
 from qboot.extraction.segmentation import Segments
@@ -21,6 +21,8 @@ from qboot.study import files, runs, stages
 from qboot.study.files import RunError
 from qboot.study.runs import Run
 
+# What experts designed for each task.
+EXPERTS = {"ball_collecting": expert_ball_collecting, "box_pushing": expert_box_pushing}
 # The random setup draws from 12 past time steps: 1 to 156 inputs of 13 sensors (section VII-B).
 LAGS = 12
 # Na of section VII-C. The paper plots a range without saying which.
@@ -62,7 +64,7 @@ class Condition(NamedTuple):
 
 def human_actions(cell: CellSettings, evolved: Run) -> ActionSet:
     """The actions that an expert designed."""
-    return baselines.HUMAN_ACTIONS[cell.task]()
+    return EXPERTS[cell.task].actions()
 
 
 def extracted_actions(cell: CellSettings, evolved: Run) -> ActionSet:
@@ -73,7 +75,7 @@ def extracted_actions(cell: CellSettings, evolved: Run) -> ActionSet:
 def random_actions(cell: CellSettings, evolved: Run) -> ActionSet:
     """As many actions as are extracted, drawn at random."""
     n_effectors = len(TASKS[cell.task].effectors)
-    durations = baselines.RANDOM_DURATIONS[cell.task]
+    durations = EXPERTS[cell.task].RANDOM_DURATIONS
     return baselines.random_actions(cell.seed, cell.actions.n_actions, n_effectors, durations)
 
 
@@ -89,7 +91,7 @@ def instant_sensors(cell: CellSettings, evolved: Run) -> np.ndarray:
 
 def human_sensors(cell: CellSettings, evolved: Run) -> np.ndarray:
     """The inputs that an expert chose."""
-    return baselines.human_sensors(cell.task)
+    return baselines.named_sensors(TASKS[cell.task].sensors, EXPERTS[cell.task].SENSORS)
 
 
 def selected_sensors(cell: CellSettings, evolved: Run) -> np.ndarray:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from qboot.envs import PHYSICS, TASKS
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.runs import RunSettings
 
@@ -140,7 +140,7 @@ def settings_of(task: str, profile: str, source: str, seed: int) -> RunSettings:
         seed=seed,
         profile=profile,
         n_steps=size.n_steps,
-        topology=Topology(feed_forward=TASKS[task].feed_forward),
+        dnn=DnnSettings(feed_forward=TASKS[task].feed_forward),
         evolution=EvolutionSettings(
             population=size.population,
             generations=size.generations,

@@ -6,8 +6,9 @@ import jax
 import numpy as np
 
 from qboot.envs.types import Domain, Task
-from qboot.neuroevolution import evaluation, evolve
-from qboot.neuroevolution.behaviour import STATES
+from qboot.neuroevolution import evaluation
+from qboot.neuroevolution.problem import evaluate_individuals
+from qboot.neuroevolution.recorders import STATES
 from qboot.qlearning import policy
 from qboot.study.runs import Run
 from qboot.study.stages import (
@@ -33,11 +34,9 @@ def evolved(run: Run) -> list[Recording]:
     """The best-of-run network in each source domain (its first test there), as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
-    keys = evolve.evaluation_keys(problem, best, best.births)
-    parts = problem.task, problem.topology, STATES, problem.domains
-    found = jax.device_get(evaluation.evaluate(*parts, best.genomes, keys))
-    states, finals = found.descriptions
-    domains, n_tests = evaluation.tests_of(problem.task, problem.domains)
+    found = evaluate_individuals(problem, STATES, best, best.births)
+    states, finals = found.descriptors
+    domains, n_tests = evaluation.rollouts_of(problem.task, problem.domains)
     return [
         Recording(
             _at(domains, test),
@@ -53,7 +52,7 @@ def learned(run: Run) -> list[Recording]:
     task = task_of(run)
     parts = read_actions(run), read_inputs(run), run.settings.learner
     networks, key = read_networks(run), key_of(run, "tests")
-    domains, n_tests = evaluation.tests_of(task, task.source_domains(run.settings.source))
+    domains, n_tests = evaluation.rollouts_of(task, task.source_domains(run.settings.source))
     found = []
     for test in range(0, n_tests, task.rollouts_per_domain):
         domain = _at(domains, test)

@@ -12,8 +12,8 @@ from pathlib import Path
 import qboot
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study import files
 from qboot.study.files import RunError
@@ -39,7 +39,7 @@ class RunSettings:
     """Name of the profile that the sizes come from."""
     n_steps: int
     """Steps of one test at most."""
-    topology: Topology
+    dnn: DnnSettings
     evolution: EvolutionSettings
     actions: ActionSettings
     sensors: SensorSettings

@@ -14,14 +14,16 @@ import numpy as np
 from qboot.envs import make_task
 from qboot.envs.types import Domain, Task
 from qboot.extraction.actions import ActionSet, cluster_actions
-from qboot.extraction.segmentation import Segments, join_segments, linear_segments
-from qboot.extraction.sensors import majority, sensor_votes
+from qboot.extraction.segmentation import Segments, segment
+from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
-from qboot.neuroevolution import evaluation, evolve
-from qboot.neuroevolution.behaviour import STATES
+from qboot.neuroevolution import evaluation
+from qboot.neuroevolution.algorithms import ALGORITHMS, Algorithm
 from qboot.neuroevolution.dnn import Genome
-from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
-from qboot.neuroevolution.lineage import Individuals, best_of, lineage
+from qboot.neuroevolution.evolve import EvolveState
+from qboot.neuroevolution.lineage import Individuals
+from qboot.neuroevolution.problem import EvolveInfo, Problem
+from qboot.neuroevolution.recorders import STATES
 from qboot.qlearning import learner, policy
 from qboot.qlearning.inputs import InputSet, input_set
 from qboot.qlearning.networks import QNetworks
@@ -80,9 +82,9 @@ def evolve_stage(run: Run, workers: int) -> None:
     _forget_after(run, "evolve")
     problem = source_problem(run, workers)
     state = _evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
-    best = lineage(state.archive, best_of(state.population), run.settings.evolution.horizon)
-    files.write_npz(run.file("lineage.npz"), files.to_arrays(best))
-    files.write_npz(run.file("pareto.npz"), files.to_arrays(evolve.pareto_front(state)))
+    algorithm = _algorithm(problem)
+    files.write_npz(run.file("lineage.npz"), files.to_arrays(algorithm.best_lineage(problem, state)))
+    files.write_npz(run.file("pareto.npz"), files.to_arrays(algorithm.pareto_front(state)))
     run.file("evolve.checkpoint.npz").unlink(missing_ok=True)
 
 
@@ -94,9 +96,8 @@ def extract_stage(run: Run, workers: int) -> None:
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
-    settings = run.settings.sensors
-    votes = sensor_votes((trace.observations for trace in flow), settings.lags, settings)
-    files.write_npz(run.file("sensors.npz"), {"selected": majority(votes.kept)} | files.to_arrays(votes))
+    selection = select(flow, run.settings.sensors)
+    files.write_npz(run.file("sensors.npz"), {"selected": selection.selected} | files.to_arrays(selection.report))
 
 
 def learn_stage(run: Run, workers: int) -> None:
@@ -173,7 +174,7 @@ def replayed(run: Run, workers: int) -> list[Trace]:
 
 def segments_of(run: Run, flow: list[Trace]) -> Segments:
     """All linear segments of the traces' commands."""
-    return join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])
+    return segment((trace.commands for trace in flow), run.settings.actions)
 
 
 def read_individuals(run: Run, name: str) -> Individuals:
@@ -218,7 +219,11 @@ def _forget_after(run: Run, stage: str) -> None:
 
 def _problem(run: Run, domains: Domain, purpose: str, workers: int) -> Problem:
     settings = run.settings
-    return Problem(task_of(run), domains, settings.evolution, settings.topology, key_of(run, purpose), workers)
+    return Problem(task_of(run), domains, settings.evolution, settings.dnn, key_of(run, purpose), workers)
+
+
+def _algorithm(problem: Problem) -> Algorithm:
+    return ALGORITHMS[problem.settings.algorithm]
 
 
 def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str, list]:
@@ -226,7 +231,7 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
-    evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
+    evaluated = evaluation.evaluate(task, run.settings.dnn, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
     evolved = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     learned = policy.evaluate(networks, key, task, domains, read_actions(run), read_inputs(run), run.settings.learner)
@@ -245,27 +250,27 @@ def _evolved(
     if checkpoint.exists():
         state, history = _load_evolution(problem, checkpoint)
     else:
-        state, info = evolve.init(problem, front)
+        state, info = _algorithm(problem).init(problem, front)
         history = {field: [value] for field, value in info._asdict().items()}
     saved = time.monotonic()
     top = problem.task.max_score_per_domain * len(jax.tree.leaves(problem.domains)[0])
     with Progress(f"{name} {run.label}", "generation", generations, state.generation) as progress:
         while state.generation < generations:
-            state, info = evolve.step(problem, state)
+            state, info = _algorithm(problem).step(problem, state)
             for field, value in info._asdict().items():
                 history[field].append(value)
             progress.update(state.generation, best=info.best, median=info.median, of=top)
             if time.monotonic() > saved + learning.SECONDS_BETWEEN_SAVES or state.generation == generations:
-                _save_evolution(state, history, checkpoint)
+                _save_evolution(_algorithm(problem).condensed(state), history, checkpoint)
                 saved = time.monotonic()
     files.write_csv(run.file(history_name), history)
     return state
 
 
 def _save_evolution(state: EvolveState, history: dict[str, list], checkpoint: Path) -> None:
-    # Behaviours are large and come back by running the population again.
-    arrays = files.to_arrays(state._replace(behaviours=()))
-    files.write_npz(checkpoint, arrays | {f"history.{name}": np.array(values) for name, values in history.items()})
+    files.write_npz(
+        checkpoint, files.to_arrays(state) | {f"history.{name}": np.array(values) for name, values in history.items()}
+    )
 
 
 def _load_evolution(problem: Problem, checkpoint: Path) -> tuple[EvolveState, dict[str, list]]:
@@ -273,8 +278,7 @@ def _load_evolution(problem: Problem, checkpoint: Path) -> tuple[EvolveState, di
     template = EvolveState(0, INDIVIDUALS, (), 0.0, 0.0, INDIVIDUALS, 0)
     state = files.from_arrays(arrays, template, checkpoint)
     history = {name: arrays[f"history.{name}"].tolist() for name in EvolveInfo._fields}
-    state = state._replace(generation=int(state.generation), next_id=int(state.next_id))
-    return state._replace(behaviours=evolve.describe(problem, state.population, state.generation)), history
+    return _algorithm(problem).restored(problem, state), history
 
 
 def _learned(
