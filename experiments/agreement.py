@@ -19,27 +19,27 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from qboot.study.files import RunError
+from qboot.study.stages import read_lineage
 
 from qboot.envs.box_pushing import PHYSICS, task
 from qboot.neuroevolution import evaluation
-from qboot.neuroevolution.behaviour import FLOW
-from qboot.neuroevolution.dnn import Genome, Topology
-from qboot.study.pipeline.stages import read_lineage
-from qboot.study.store import runs
-from qboot.study.store.files import RunError
+from qboot.neuroevolution.dnn import DnnSettings, Genome
+from qboot.neuroevolution.recorders import FLOW
+from qboot.study import runs
 
 
-def tests(physics: str, genomes: Genome, topology: Topology, seed: int) -> evaluation.Evaluation:
+def rollouts(physics: str, genomes: Genome, settings: DnnSettings, seed: int) -> evaluation.Evaluation:
     """One episode of B networks on the source blocks; the same `seed` gives the same starts on any physics."""
     keys = jax.random.split(jax.random.key(seed), len(genomes.weights))
     robot = task(physics)
-    function = partial(evaluation.evaluate, robot, topology, FLOW, robot.source_domains("A"))
-    return evaluation.in_blocks(function, 1, genomes, keys)._replace(descriptions=None)
+    function = partial(evaluation.evaluate, robot, settings, FLOW, robot.source_domains("A"))
+    return evaluation.in_blocks(function, 1, genomes, keys)._replace(descriptors=None)
 
 
-def agreement(genomes: Genome, topology: Topology, seed: int = 0) -> dict[str, float]:
+def agreement(genomes: Genome, settings: DnnSettings, seed: int = 0) -> dict[str, float]:
     """The figures that this script prints, for B networks."""
-    mjx, kinematic = (tests(physics, genomes, topology, seed) for physics in PHYSICS)
+    mjx, kinematic = (rollouts(physics, genomes, settings, seed) for physics in PHYSICS)
     longest = task().max_steps
 
     def ends(result: evaluation.Evaluation) -> np.ndarray:
@@ -49,7 +49,7 @@ def agreement(genomes: Genome, topology: Topology, seed: int = 0) -> dict[str, f
     scores = [result.scores.sum(axis=1) for result in (mjx, kinematic)]
     return {
         "networks": len(scores[0]),
-        "tests": mjx.scores.size,
+        "rollouts": mjx.scores.size,
         "outcome_agreement": float((ends(mjx) == ends(kinematic)).mean()),
         "largest_score_difference": float(np.abs(scores[0] - scores[1]).max()),
         "score_mjx": float(scores[0].mean()),
@@ -57,8 +57,8 @@ def agreement(genomes: Genome, topology: Topology, seed: int = 0) -> dict[str, f
     }
 
 
-def lineages(some: list[Path]) -> tuple[Genome, Topology]:
-    """All networks of the lineages of runs, which must share a topology.
+def lineages(some: list[Path]) -> tuple[Genome, DnnSettings]:
+    """All networks of the lineages of runs, which must share their settings.
 
     Raises:
         RunError: if a folder is no run of box pushing that has evolved, or the topologies differ.
@@ -67,10 +67,10 @@ def lineages(some: list[Path]) -> tuple[Genome, Topology]:
     for run in found:
         if run.settings.task != "box_pushing":
             raise RunError(f"{run.folder} is a run of {run.settings.task}: give runs of box_pushing")
-        if run.settings.topology != found[0].settings.topology:
-            raise RunError(f"{run.folder} has networks of another topology than {found[0].folder}: compare them apart")
+        if run.settings.dnn != found[0].settings.dnn:
+            raise RunError(f"{run.folder} has networks with other settings than {found[0].folder}: compare them apart")
     genomes = [read_lineage(run).genomes for run in found]
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *genomes), found[0].settings.topology
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *genomes), found[0].settings.dnn
 
 
 def main() -> int:

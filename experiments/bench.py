@@ -16,21 +16,22 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from qboot.study.ablations import EXPERTS
+from qboot.study.profiles import LANES, LEARNERS
+from qboot.study.sweep import Lane, learn_lanes
 
-from qboot import qlearning
-from qboot.envs import PHYSICS, make_task
+from qboot.envs import PHYSICS, TASKS, make_task
 from qboot.extraction.actions import ActionSet
-from qboot.extraction.baselines import HUMAN_ACTIONS, human_sensors
+from qboot.extraction.baselines import named_sensors
 from qboot.extraction.clustering import fuzzy_c_means
 from qboot.extraction.sensors import SensorSettings, sensor_votes
 from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
-from qboot.neuroevolution.behaviour import RECORDERS
-from qboot.neuroevolution.diversity import DIVERSITIES
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings, Problem
-from qboot.qlearning import input_set
-from qboot.study.pipeline.profiles import LANES, LEARNERS
-from qboot.study.controls.sweep import learn_side_by_side
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.problem import Problem
+from qboot.neuroevolution.settings import EvolutionSettings
+from qboot.qlearning import learner
+from qboot.qlearning.inputs import input_set
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
 REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}
@@ -54,9 +55,9 @@ def least(call: Callable, repeats: int = 3) -> float:
     return min(seconds)
 
 
-def random_genomes(n: int, topology: Topology) -> dnn.Genome:
+def random_genomes(n: int, network: DnnSettings) -> dnn.Genome:
     """The first generation's networks."""
-    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), topology)
+    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), network)
 
 
 def environment(name: str, physics: str, batch: int) -> dict:
@@ -80,12 +81,12 @@ def environment(name: str, physics: str, batch: int) -> dict:
 def controllers(name: str, physics: str, batch: int) -> dict:
     """Steps of environment and evolved network together, one thread."""
     task = make_task(name, physics)
-    topology = Topology(feed_forward=task.feed_forward)
+    network = DnnSettings(feed_forward=task.feed_forward)
     domains = task.source_domains("A")
 
-    parts = task, topology, RECORDERS["hamming"], domains
+    parts = task, network, DISTANCES["hamming"].recorder, domains
     run = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
-    arguments = random_genomes(batch, topology), jax.random.split(jax.random.key(1), batch)
+    arguments = random_genomes(batch, network), jax.random.split(jax.random.key(1), batch)
     compile_seconds, seconds = timed(run, *arguments)
     steps = int(run(*arguments).steps.sum())
     return {
@@ -101,19 +102,19 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
 
     The population is random, or evolved for `n_before` generations in the faster physics of the task.
     """
-    topology = Topology(feed_forward=make_task(name, physics).feed_forward)
+    network = DnnSettings(feed_forward=make_task(name, physics).feed_forward)
 
     def problem_in(physics: str, diversities: tuple[str, ...]) -> Problem:
         task = make_task(name, physics)
         settings = EvolutionSettings(diversities=diversities, reevaluate=reevaluate)
-        return Problem(task, task.source_domains("A"), settings, topology, jax.random.key(0), workers)
+        return Problem(task, task.source_domains("A"), settings, network, jax.random.key(0), workers)
 
-    fast = problem_in(PHYSICS[name][-1], tuple(DIVERSITIES))
+    fast = problem_in(PHYSICS[name][-1], tuple(DISTANCES))
     begun, _ = evolve.init(fast)
     for _ in range(n_before):
         begun, _ = evolve.step(fast, begun)
     seconds = {}
-    for diversity in DIVERSITIES:
+    for diversity in DISTANCES:
         problem = problem_in(physics, (diversity,))
         # The survivors as this distance describes them; this compiles, too.
         state = begun._replace(behaviours=evolve.describe(problem, begun.population, begun.generation))
@@ -124,10 +125,11 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
 def q_learning(n_episodes: int) -> dict:
     """Episodes of Q-learning on ball collecting with the human-designed actions, one thread."""
     task = make_task("ball_collecting", "fastsim")
-    actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS["ball_collecting"]()))
-    inputs = input_set(np.ones((3, 13), bool))
-    problem = qlearning.Problem(task, LEARNERS["ball_collecting"], task.source_domains("A"), actions, inputs)
-    run = partial(qlearning.learn, qlearning.init(jax.random.key(0), problem), problem, n_episodes)
+    domains = task.source_domains("A")
+    actions = ActionSet(*map(jnp.asarray, EXPERTS["ball_collecting"].actions()))
+    inputs, settings = input_set(np.ones((3, 13), bool)), LEARNERS["ball_collecting"]
+    state = learner.init(jax.random.key(0), task, domains, actions, inputs, settings)
+    run = partial(learner.learn, state, task, domains, actions, inputs, settings, n_episodes)
     started = time.perf_counter()
     jax.block_until_ready(run())
     first = time.perf_counter() - started
@@ -142,18 +144,21 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     are the same in every episode; `weights` is the largest difference of a weight, over the largest weight.
     """
     task = make_task(name, PHYSICS[name][0])
-    actions = ActionSet(*map(jnp.asarray, HUMAN_ACTIONS[name]()))
-    inputs = input_set(human_sensors(name))
-    problem = qlearning.Problem(task, LEARNERS[name], task.source_domains("A"), actions, inputs)
-    alone = [qlearning.init(key, problem) for key in jax.random.split(jax.random.key(0), n_seeds)]
+    lane = Lane(
+        task.source_domains("A"),
+        ActionSet(*map(jnp.asarray, EXPERTS[name].actions())),
+        input_set(named_sensors(TASKS[name].sensors, EXPERTS[name].SENSORS)),
+    )
+    settings = LEARNERS[name]
+    alone = [learner.init(key, task, *lane, settings) for key in jax.random.split(jax.random.key(0), n_seeds)]
     blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
-    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), problem)
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), lane)
 
     def side_by_side():
-        return [learn_side_by_side(block, stacked, n_episodes) for block in blocks]
+        return [learn_lanes(block, task, stacked, settings, n_episodes) for block in blocks]
 
     def one_by_one():
-        return [qlearning.learn(state, problem, n_episodes) for state in alone]
+        return [learner.learn(state, task, *lane, settings, n_episodes) for state in alone]
 
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):

@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
 from qboot.study.pipeline.stages import STAGES
+
 from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run, RunSettings

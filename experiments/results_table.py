@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from qboot.study.report.page.page import as_number
 
 from qboot.study.analysis import appendix
 from qboot.study.analysis.appendix import Table
@@ -17,7 +18,6 @@ from qboot.study.analysis.curves import runs_below
 from qboot.study.analysis.measures import MEASURES
 from qboot.study.analysis.statistics import quartiles
 from qboot.study.controls import conditions as ablations
-from qboot.study.report.page.page import as_number
 from qboot.study.store import files
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run

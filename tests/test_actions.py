@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
-from qboot.envs import TASKS
-from qboot.envs.box_pushing import arm
+from qboot.envs import TASKS, arm, expert_ball_collecting, expert_box_pushing
 from qboot.extraction import baselines
 from qboot.extraction.actions import SCALES, ActionSet, ActionSettings, cluster_actions, commands, fit_scaling
-from qboot.extraction.clustering import cluster, fuzzy_c_means
+from qboot.extraction.clustering import CLUSTERINGS, cluster, fuzzy_c_means
 from qboot.extraction.segmentation import Segments
 
 
@@ -157,6 +156,20 @@ def test_clustering_finds_the_actions_that_the_segments_scatter_around(scale):
     assert 1 <= info.iterations <= 300
 
 
+@pytest.mark.parametrize("name", CLUSTERINGS)
+def test_every_clustering_finds_as_many_centres_as_asked(name):
+    segments, _ = prototypes(800, 0)
+    chosen = ActionSettings(n_actions=4, scale="logstd", clustering=name, max_duration=1000)
+    actions, info = cluster_actions(segments, chosen, seed=0)
+    assert actions.slopes.shape == (4, 2) and info.n_distinct == 4
+    assert_same(cluster_actions(segments, chosen, seed=0)[0], actions)
+
+
+def assert_same(one, two):
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def test_no_action_lasts_longer_than_asked():
     segments, _ = prototypes(800, 0)
     actions, info = cluster_actions(segments, ActionSettings(n_actions=4, max_duration=30), seed=0)
@@ -182,7 +195,19 @@ def test_actions_need_enough_segments():
 
 @pytest.mark.parametrize(
     "change",
-    [{"n_actions": 0}, {"fuzziness": 1.0}, {"scale": "log"}, {"max_iterations": 0}, {"tolerance": -1.0}],
+    [
+        {"n_actions": 0},
+        {"fuzziness": 1.0},
+        {"fuzziness": np.inf},
+        {"scale": "log"},
+        {"duration_unit": np.nan},
+        {"max_duration": 7},
+        {"max_iterations": 0},
+        {"tolerance": -1.0},
+        {"tolerance": np.inf},
+        {"segmentation": "by hand"},
+        {"clustering": "by hand"},
+    ],
 )
 def test_settings_outside_their_range_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
@@ -212,7 +237,7 @@ def test_random_actions_reach_both_ends_of_the_durations_and_refuse_bad_ones():
 
 
 def test_human_actions_for_ball_collecting():
-    actions = baselines.human_actions_ball_collecting()
+    actions = expert_ball_collecting.actions()
     left, right, crane = actions.intercepts.T
     turn = left - right
     assert actions.durations.tolist() == [15] * 17
@@ -227,7 +252,7 @@ def test_human_actions_for_ball_collecting():
 
 
 def test_human_actions_for_box_pushing():
-    actions = baselines.human_actions_box_pushing()
+    actions = expert_box_pushing.actions()
     assert actions.durations.tolist() == [9] * 7
     assert actions.intercepts.shape == (7, 3)
     assert actions.intercepts[0].tolist() == [0.5] * 3
@@ -236,17 +261,28 @@ def test_human_actions_for_box_pushing():
     moves = 9 * (actions.intercepts - 0.5) * arm.STEP_PER_COMMAND
     np.testing.assert_allclose(np.linalg.norm(moves[1:], axis=1), 0.04, rtol=1e-5)
     with pytest.raises(ValueError, match="distance"):
-        baselines.human_actions_box_pushing(1)
+        expert_box_pushing.actions(1)
     with pytest.raises(ValueError, match="duration"):
-        baselines.human_actions_ball_collecting(0)
+        expert_ball_collecting.actions(0)
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_human_sensors_are_the_present_and_some_of_the_past(task):
-    selection = baselines.human_sensors(task)
-    assert selection.shape[1] == len(TASKS[task].sensors)
+@pytest.mark.parametrize(
+    ("task", "expert"), [("ball_collecting", expert_ball_collecting), ("box_pushing", expert_box_pushing)]
+)
+def test_human_sensors_are_the_present_and_some_of_the_past(task, expert):
+    selection = baselines.named_sensors(TASKS[task].sensors, expert.SENSORS)
+    assert selection.shape == (max(expert.SENSORS), len(TASKS[task].sensors))
     assert selection[0].all()
     assert 0 < selection[1:].sum() < selection[1:].size
+
+
+def test_sensors_are_selected_by_name_and_lag():
+    assert baselines.named_sensors("abc", {1: "ab", 3: "c"}).tolist() == [[1, 1, 0], [0, 0, 0], [0, 0, 1]]
+    with pytest.raises(ValueError, match="no sensor d: choose among a, b, c"):
+        baselines.named_sensors("abc", {1: "ad"})
+    for chosen in ({0: "a"}, {}):
+        with pytest.raises(ValueError, match="lags are"):
+            baselines.named_sensors("abc", chosen)
 
 
 @settings(deadline=None)

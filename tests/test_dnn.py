@@ -8,30 +8,30 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from qboot.neuroevolution import dnn, variation
-from qboot.neuroevolution.dnn import Genome, Topology
+from qboot.neuroevolution.dnn import DnnSettings, Genome
 from qboot.neuroevolution.variation import MutationRates
 
-SMALL = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12)
-SMALL_FEED_FORWARD = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12, feed_forward=True)
+SMALL = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12)
+SMALL_FEED_FORWARD = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12, feed_forward=True)
 OFTEN = MutationRates(0.5, 0.6, 0.6, 0.4, 0.6, 0.3)
 
 
-def evolved(seed, topology, n_mutations=25):
+def evolved(seed, network, n_mutations=25):
     """A genome after many mutations."""
     mutate = jax.jit(variation.mutate, static_argnums=(2, 3))
-    genome = dnn.random_genome(jax.random.key(seed), topology)
+    genome = dnn.random_genome(jax.random.key(seed), network)
     for i in range(n_mutations):
-        genome, _ = mutate(jax.random.fold_in(jax.random.key(seed + 1000), i), genome, topology, OFTEN)
+        genome, _ = mutate(jax.random.fold_in(jax.random.key(seed + 1000), i), genome, network, OFTEN)
     return genome
 
 
-def oracle_step(genome, topology, activities, inputs):
+def oracle_step(genome, network, activities, inputs):
     """One synchronous step, connection by connection."""
     value = np.concatenate([inputs, activities]).astype(np.float64)
     drive = -5.0 * np.asarray(genome.biases, np.float64)
     for source, target, weight, connected in zip(*(np.asarray(leaf) for leaf in genome[:4]), strict=True):
         if connected:
-            drive[target - topology.n_inputs] += weight * value[source]
+            drive[target - network.n_inputs] += weight * value[source]
     return 1 / (1 + np.exp(-drive))
 
 
@@ -52,7 +52,7 @@ def test_a_step_is_that_of_the_oracle(seed):
 
 def test_padding_does_not_matter():
     genome = evolved(3, SMALL)
-    roomy = Topology(n_inputs=3, n_outputs=2, max_hidden=9, max_connections=30)
+    roomy = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=9, max_connections=30)
 
     def padded(leaf, size):
         return jnp.concatenate([leaf, jnp.zeros(size - len(leaf), leaf.dtype)])
@@ -72,19 +72,20 @@ def test_padding_does_not_matter():
 
 def test_the_first_generation_does_not_depend_on_the_room_for_growth():
     small, large = (
-        dnn.random_genome(jax.random.key(0), Topology(max_hidden=h, max_connections=c)) for h, c in ((20, 75), (40, 90))
+        dnn.random_genome(jax.random.key(0), DnnSettings(max_hidden=h, max_connections=c))
+        for h, c in ((20, 75), (40, 90))
     )
     np.testing.assert_array_equal(small.weights, large.weights[:75])
     np.testing.assert_array_equal(small.biases[:3], large.biases[:3])
     assert int(small.connected.sum()) == 39 and not small.hidden.any()
 
 
-@pytest.mark.parametrize("topology", [SMALL, SMALL_FEED_FORWARD])
+@pytest.mark.parametrize("network", [SMALL, SMALL_FEED_FORWARD])
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_mutated_genomes_are_valid(topology, seed):
-    genome = evolved(seed, topology, 12)
-    exists = np.concatenate([np.ones(topology.n_inputs + topology.n_outputs, bool), genome.hidden])
+def test_mutated_genomes_are_valid(network, seed):
+    genome = evolved(seed, network, 12)
+    exists = np.concatenate([np.ones(network.n_inputs + network.n_outputs, bool), genome.hidden])
     pairs = [
         (int(source), int(target))
         for source, target, connected in zip(genome.sources, genome.targets, genome.connected, strict=True)
@@ -92,14 +93,14 @@ def test_mutated_genomes_are_valid(topology, seed):
     ]
     assert len(pairs) == len(set(pairs)), "a duplicate connection"
     assert all(exists[source] and exists[target] for source, target in pairs)
-    assert all(target >= topology.n_inputs for _, target in pairs)
+    assert all(target >= network.n_inputs for _, target in pairs)
     assert np.abs(genome.weights).max() <= 5 and np.abs(genome.biases).max() <= 5
-    if topology.feed_forward:
-        reached = np.zeros((topology.n_neurons, topology.n_neurons), bool)
+    if network.feed_forward:
+        reached = np.zeros((network.n_neurons, network.n_neurons), bool)
         for source, target in pairs:
             reached[source, target] = True
         paths = reached.copy()
-        for _ in range(topology.n_neurons):
+        for _ in range(network.n_neurons):
             paths = paths | ((paths.astype(int) @ reached.astype(int)) > 0)
         assert not np.diag(paths).any(), "a cycle"
 
@@ -130,7 +131,7 @@ def test_removing_a_neuron_removes_its_connections():
 
 
 def test_a_full_genome_refuses_growth_and_says_so():
-    full = Topology(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=7)
+    full = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=7)
     genome = dnn.random_genome(jax.random.key(0), full)
     genome, refused = variation.add_connection(jax.random.key(1), genome, full)
     assert not refused and genome.connected.all()
@@ -141,10 +142,10 @@ def test_a_full_genome_refuses_growth_and_says_so():
 
 
 def test_rewiring_changes_one_end():
-    before = dnn.random_genome(jax.random.key(0), Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8))
-    topology = Topology(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8)
+    before = dnn.random_genome(jax.random.key(0), DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8))
+    network = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8)
     for seed in range(20):
-        after, _ = variation.rewire(jax.random.key(seed), before, topology)
+        after, _ = variation.rewire(jax.random.key(seed), before, network)
         changed = np.asarray((before.sources != after.sources) | (before.targets != after.targets))
         assert changed.sum() <= 1
         np.testing.assert_array_equal(before.weights, after.weights)
@@ -161,17 +162,42 @@ def test_polynomial_mutation_has_its_published_distribution():
 
 
 def test_rates_are_met():
-    genome = dnn.random_genome(jax.random.key(0), Topology())
+    genome = dnn.random_genome(jax.random.key(0), DnnSettings())
     keys = jax.random.split(jax.random.key(1), 3000)
-    mutate = jax.jit(jax.vmap(lambda key: variation.mutate(key, genome, Topology(), MutationRates())[0]))
+    mutate = jax.jit(jax.vmap(lambda key: variation.mutate(key, genome, DnnSettings(), MutationRates())[0]))
     mutants = mutate(keys)
     assert abs(float(mutants.hidden.any(axis=1).mean()) - 0.088 * (1 - 0.098)) < 0.02
     changed = np.asarray(mutants.biases[:, :3] != genome.biases[:3])
     assert abs(changed.mean() - 0.1) < 0.02
 
 
-def test_bad_settings_are_named():
-    with pytest.raises(ValueError, match="max_connections is 5"):
-        Topology(max_connections=5)
-    with pytest.raises(ValueError, match=r"rewire is 1\.5"):
-        MutationRates(rewire=1.5)
+@pytest.mark.parametrize("operator", [variation.add_neuron, variation.remove_neuron])
+def test_without_room_for_hidden_neurons_none_comes_or_goes(operator):
+    network = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=0, max_connections=12)
+    before = dnn.random_genome(jax.random.key(0), network)
+    after, refused = operator(jax.random.key(1), before, network)
+    jax.tree.map(np.testing.assert_array_equal, before, after)
+    assert bool(refused) == (operator is variation.add_neuron)
+    mutant, _ = variation.mutate(jax.random.key(2), before, network, OFTEN)
+    assert dnn.express(mutant, network).weights.shape == (2, 5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        (DnnSettings, {"max_connections": 5}, "max_connections is 5"),
+        (DnnSettings, {"n_inputs": 0}, "n_inputs is 0: it must be at least 1"),
+        (DnnSettings, {"n_outputs": -1}, "n_outputs is -1"),
+        (DnnSettings, {"max_hidden": -1}, "max_hidden is -1"),
+        (DnnSettings, {"weight_limit": 0.0}, "weight_limit is 0.0"),
+        (DnnSettings, {"weight_limit": np.nan}, "weight_limit is nan"),
+        (DnnSettings, {"weight_limit": np.inf}, "weight_limit is inf"),
+        (MutationRates, {"rewire": 1.5}, r"rewire is 1\.5"),
+        (MutationRates, {"weight": np.nan}, "weight is nan"),
+        (MutationRates, {"polynomial_index": -1.0}, "polynomial_index is -1.0"),
+        (MutationRates, {"polynomial_index": np.inf}, "polynomial_index is inf"),
+    ],
+)
+def test_bad_settings_are_named(kind, change, words):
+    with pytest.raises(ValueError, match=words):
+        kind(**change)

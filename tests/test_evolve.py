@@ -1,24 +1,29 @@
 """The evolutionary run: records, lineage, resumption, independence of how it is spread over threads."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 
-from qboot.envs.ball_collecting import TASK as BALL
-from qboot.envs.box_pushing import on_physics
+from qboot.envs import ball_collecting, box_pushing
+from qboot.extraction.traces import traces
 from qboot.neuroevolution import dnn, evaluation, evolve
-from qboot.neuroevolution.behaviour import FLOW, RECORDERS
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings, Problem
+from qboot.neuroevolution.algorithms import ALGORITHMS
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
+from qboot.neuroevolution.problem import Problem, evaluation_keys
+from qboot.neuroevolution.recorders import FLOW
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.neuroevolution.variation import MutationRates
 
-TASK = BALL._replace(max_steps=130)
+TASK = ball_collecting.TASK._replace(max_steps=130)
 SETTINGS = EvolutionSettings(population=6, generations=4, diversity_period=2)
 
 
 def problem(seed=0, workers=1, task=TASK, settings=SETTINGS):
-    return Problem(task, task.source_domains("A"), settings, Topology(), jax.random.key(seed), workers)
+    return Problem(task, task.source_domains("A"), settings, DnnSettings(), jax.random.key(seed), workers)
 
 
 def run(problem, generations=4):
@@ -62,7 +67,7 @@ def test_the_archive_keeps_ancestors_and_nothing_else():
     parents = np.array([NO_PARENT, NO_PARENT, 0, 1, 2, 2])
     genomes = jax.tree.map(
         np.asarray,
-        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 6), Topology()),
+        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 6), DnnSettings()),
     )
     archive = Individuals(
         genomes, np.arange(6) * 10, np.where(parents < 0, parents, parents * 10), np.zeros(6), np.zeros(6)
@@ -93,19 +98,19 @@ def test_transfer_starts_from_the_front():
 
 def test_survivors_face_the_starts_of_their_generation():
     """Re-evaluation against evaluating each generation by hand; the archive keeps the scores of birth."""
-    robot = on_physics("kinematic")
+    robot = box_pushing.task("kinematic")
     settings = EvolutionSettings(population=6, reevaluate=True)
-    pushing = Problem(robot, robot.source_domains("A"), settings, Topology(feed_forward=True), jax.random.key(3), 1)
+    pushing = Problem(robot, robot.source_domains("A"), settings, DnnSettings(feed_forward=True), jax.random.key(3), 1)
     state, info = evolve.init(pushing)
     births = dict(zip(state.archive.ids.tolist(), state.archive.scores.tolist(), strict=True))
     assert info.episodes == 12
     for generation in (1, 2, 3):
         state, info = evolve.step(pushing, state)
         assert info.episodes == 12 + 12 * generation
-        keys = evolve.evaluation_keys(pushing, state.population, generation)
+        keys = evaluation_keys(pushing, state.population, generation)
         assert len(np.unique(jax.random.key_data(keys), axis=0)) == 1
         again = evaluation.evaluate(
-            robot, pushing.topology, RECORDERS["adhoc"], pushing.domains, state.population.genomes, keys
+            robot, pushing.dnn, DISTANCES["adhoc"].recorder, pushing.domains, state.population.genomes, keys
         )
         np.testing.assert_array_equal(again.scores.sum(axis=1), state.population.scores)
         for place, identity in enumerate(state.archive.ids.tolist()):
@@ -114,43 +119,45 @@ def test_survivors_face_the_starts_of_their_generation():
             births[identity] = float(state.archive.scores[place])
 
 
-@pytest.mark.parametrize("name", RECORDERS)
+@pytest.mark.parametrize("name", DISTANCES)
 def test_records_are_those_of_the_whole_flow(name):
-    """Each description, made step by step in the compiled loop, against the same made from the recorded flow."""
-    task = BALL._replace(max_steps=600)
-    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), 4), Topology())
+    """Each descriptor, made step by step in the compiled loop, against the same made from the recorded flow."""
+    task = ball_collecting.TASK._replace(max_steps=600)
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), 4), DnnSettings())
     keys = jax.random.split(jax.random.key(4), 4)
     domains = task.source_domains("A")
-    result = evaluation.evaluate(task, Topology(), RECORDERS[name], domains, genomes, keys)
-    flow = evaluation.evaluate(task, Topology(), FLOW, domains, genomes, keys)
-    observations, commands = flow.descriptions
+    result = evaluation.evaluate(task, DnnSettings(), DISTANCES[name].recorder, domains, genomes, keys)
+    flow = evaluation.evaluate(task, DnnSettings(), FLOW, domains, genomes, keys)
+    observations, commands = flow.descriptors
     channels = np.concatenate([observations, commands], axis=-1)
     lived = np.arange(600) < np.asarray(flow.steps)[..., None]
     assert (~lived).any(), "one of these controllers should stand still and end its test"
-    description = np.asarray(result.descriptions)
+    descriptor = np.asarray(result.descriptors)
     if name == "hamming":
         bits = ((channels >= 0.5) * (1 << np.arange(16))).sum(axis=-1)
-        np.testing.assert_array_equal(description, np.where(lived, bits, 0))
+        np.testing.assert_array_equal(descriptor, np.where(lived, bits, 0)[..., None])
     elif name == "entropy":
-        np.testing.assert_array_equal(description.sum(axis=-1), np.repeat(flow.steps[..., None], 16, axis=-1))
+        np.testing.assert_array_equal(descriptor.sum(axis=-1), np.repeat(flow.steps[..., None], 16, axis=-1))
         first = np.histogram(channels[0, 0, : flow.steps[0, 0], 0], bins=np.arange(10) / 9)[0]
-        np.testing.assert_array_equal(description[0, 0, 0], first)
+        np.testing.assert_array_equal(descriptor[0, 0, 0], first)
     elif name == "trajectory":
-        assert description.shape == (4, 2, 12)
-        np.testing.assert_array_equal(description >= 0, lived[..., ::50])
+        assert descriptor.shape == (4, 2, 12)
+        np.testing.assert_array_equal(descriptor >= 0, lived[..., ::50])
         start = task.reset(None, jax.tree.map(lambda leaf: leaf[1], domains))
-        assert (description[:, 1, 0] == int(task.position(jax.tree.map(lambda leaf: leaf[1], domains), start))).all()
+        assert (descriptor[:, 1, 0] == int(task.position(jax.tree.map(lambda leaf: leaf[1], domains), start))).all()
     else:
-        assert description.shape == (4, 2, 8)
+        assert descriptor.shape == (4, 2, 8)
 
 
 def test_blocks_do_not_change_results():
     genomes = jax.device_get(
-        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 7), Topology())
+        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 7), DnnSettings())
     )
     keys = jax.random.split(jax.random.key(1), 7)
     function = jax.jit(
-        lambda g, k: evaluation.evaluate(TASK, Topology(), RECORDERS["hamming"], TASK.source_domains("A"), g, k)
+        lambda g, k: evaluation.evaluate(
+            TASK, DnnSettings(), DISTANCES["hamming"].recorder, TASK.source_domains("A"), g, k
+        )
     )
     assert_same(
         evaluation.in_blocks(function, 1, genomes, keys, block=3),
@@ -160,11 +167,13 @@ def test_blocks_do_not_change_results():
 
 def test_the_evaluation_loop_is_one_kernel():
     """XLA compiles the loop into one call; without that, a simulation is about twice as slow."""
-    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 4), Topology())
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 4), DnnSettings())
     keys = jax.random.split(jax.random.key(1), 4)
-    for recorder in RECORDERS.values():
+    for distance in DISTANCES.values():
         function = jax.jit(
-            lambda g, k, r=recorder: evaluation.evaluate(TASK, Topology(), r, TASK.source_domains("A"), g, k)
+            lambda g, k, r=distance.recorder: evaluation.evaluate(
+                TASK, DnnSettings(), r, TASK.source_domains("A"), g, k
+            )
         )
         assert "xla_cpu_small_call" in function.lower(genomes, keys).compile().as_text()
 
@@ -172,7 +181,10 @@ def test_the_evaluation_loop_is_one_kernel():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"population": 0}, "population is 0"),
+        ({"population": 1}, "population is 1: it must be at least 2"),
+        ({"diversity_period": 0}, "diversity_period is 0"),
+        ({"horizon": 0}, "horizon is 0"),
+        ({"algorithm": "luck"}, "algorithm is 'luck': it must be one of nsga2"),
         ({"generations": -1}, "generations is -1"),
         ({"diversities": ("taste",)}, "taste"),
     ],
@@ -180,3 +192,32 @@ def test_the_evaluation_loop_is_one_kernel():
 def test_bad_settings_are_named(change, words):
     with pytest.raises(ValueError, match=words):
         EvolutionSettings(**change)
+
+
+@pytest.mark.parametrize(
+    ("network", "words"),
+    [
+        (DnnSettings(n_inputs=7), "n_inputs is 7, but ball_collecting has 13 sensors: it must be 13"),
+        (DnnSettings(n_outputs=2), "n_outputs is 2, but ball_collecting has 3 effectors: it must be 3"),
+    ],
+)
+def test_networks_that_do_not_fit_the_task_are_refused(network, words):
+    with pytest.raises(ValueError, match=words):
+        Problem(TASK, TASK.source_domains("A"), SETTINGS, network, jax.random.key(0), 1)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_algorithm_resumes_and_gives_a_lineage_that_replays(name):
+    algorithm, run_problem = ALGORITHMS[name], problem(settings=replace(SETTINGS, algorithm=name, horizon=3))
+    state, _ = algorithm.init(run_problem, None)
+    saved = jax.tree.map(np.asarray, algorithm.condensed(state))
+    state, info = algorithm.step(run_problem, state)
+    resumed, info_resumed = algorithm.step(run_problem, algorithm.restored(run_problem, saved))
+    assert_same(state, resumed)
+    assert info == info_resumed and info.generation == state.generation == 1
+    line = algorithm.best_lineage(run_problem, state)
+    assert 1 <= len(line.ids) <= 3
+    assert line.scores[-1] >= algorithm.pareto_front(state).scores.max()
+    flow, scores = traces(run_problem, line)
+    np.testing.assert_array_equal(scores, line.scores)
+    assert len(flow) == 2 * len(line.ids)

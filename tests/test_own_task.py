@@ -49,10 +49,7 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
 
 def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "my_robot.py"
-    path.write_text(
-        "from toy_tasks import corridor\n"
-        "MINE = corridor((5, 2), max_steps=40)._replace(name='mine')\n"
-    )
+    path.write_text("from toy_tasks import corridor\nMINE = corridor((5, 2), max_steps=40)._replace(name='mine')\n")
     monkeypatch.chdir(tmp_path)
     sizes = ["--evolution.population", "8", "--evolution.generations", "2", "--actions.n-actions", "3"]
     assert main(["evolve", "--task", "my_robot.py:MINE", "--profile", "smoke", "--out", "run", *sizes]) == 0

@@ -4,7 +4,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from qboot.extraction.segmentation import Segments, cut_segments, join_segments, linear_segments, split_points
+from qboot.extraction.actions import ActionSettings
+from qboot.extraction.segmentation import (
+    SEGMENTATIONS,
+    Segments,
+    cut_segments,
+    join_segments,
+    linear_segments,
+    segment,
+    split_points,
+)
 
 # Sixteenths, and 1, 2 or 4 effectors: sums and means are exact, so ties are ties in any order of summing.
 exact_commands = st.tuples(st.sampled_from([1, 2, 4]), st.sampled_from([1, 2, 3, 8, 16, 32])).flatmap(
@@ -118,6 +127,16 @@ def test_unusable_commands_are_refused(flow):
         split_points(flow)
     with pytest.raises(ValueError, match="commands must"):
         linear_segments(flow)
+
+
+@pytest.mark.parametrize("name", SEGMENTATIONS)
+def test_every_method_cuts_all_of_each_flow(name):
+    flows = [np.random.default_rng(seed).random((steps, 2)) for seed, steps in enumerate((300, 5, 80))]
+    segments = segment(flows, ActionSettings(segmentation=name, min_duration=4))
+    assert np.cumsum(segments.durations).tolist()[-1] == 385
+    assert {300, 305} <= set(np.cumsum(segments.durations).tolist()), "no segment spans two flows"
+    assert segments.durations.min() >= 4
+    assert segments.slopes.shape == segments.intercepts.shape == (len(segments.durations), 2)
 
 
 def test_short_segments_are_joined():

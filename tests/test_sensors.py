@@ -5,7 +5,18 @@ from hypothesis import strategies as st
 from sklearn.linear_model import Lasso
 
 from qboot.extraction import sensors
-from qboot.extraction.sensors import NOISE, RULES, SensorSettings, majority, select_sensors, sensor_votes, sum_moments
+from qboot.extraction.sensors import (
+    NOISE,
+    RULES,
+    SELECTIONS,
+    SensorSettings,
+    majority,
+    select,
+    select_sensors,
+    sensor_votes,
+    sum_rows,
+)
+from qboot.extraction.traces import Trace
 
 LAGS = 3
 
@@ -41,16 +52,16 @@ def design_matrix(traces, lags):
     return [(x - x.mean(axis=0)) / np.maximum(x.std(axis=0), 1e-9) for x in (np.array(inputs), np.array(targets))]
 
 
-def test_moments_are_those_of_the_design_matrix(traces, monkeypatch):
+def test_sums_are_those_of_the_design_matrix(traces, monkeypatch):
     monkeypatch.setattr(sensors, "CHUNK", 57)
-    moments = sum_moments(traces, LAGS)
+    sums = sum_rows(traces, LAGS)
     rows = [
         np.concatenate([[1], *(trace[t - k] for k in range(LAGS + 1))])
         for trace in traces
         for t in range(LAGS, len(trace))
     ]
-    np.testing.assert_allclose(moments.products, np.transpose(rows) @ rows, atol=1e-9)
-    assert (moments.n_traces, moments.n_rows) == (6, 6 * 397)
+    np.testing.assert_allclose(sums.products, np.transpose(rows) @ rows, atol=1e-9)
+    assert (sums.n_traces, sums.n_rows) == (6, 6 * 397)
 
 
 @pytest.mark.parametrize("alpha", [0.3, 0.05, 0.01, 0.002])
@@ -96,6 +107,22 @@ def test_order_of_traces_does_not_matter(traces, rule):
     selected = select_sensors(traces, LAGS, settings)
     assert (selected.shape, selected.dtype) == ((LAGS, 4), bool)
     np.testing.assert_array_equal(select_sensors(traces[::-1], LAGS, settings), selected)
+
+
+@pytest.mark.parametrize("name", SELECTIONS)
+def test_every_method_chooses_among_lags_and_sensors(traces, name):
+    flow = [Trace(trace, np.zeros((len(trace), 2))) for trace in traces]
+    selection = select(flow, SensorSettings(selection=name, lags=LAGS))
+    assert (selection.selected.shape, selection.selected.dtype) == ((LAGS, 4), bool)
+    assert selection.selected.any()
+    assert all(isinstance(np.asarray(part), np.ndarray) for part in selection.report)
+
+
+def test_the_lasso_is_the_default_method(traces):
+    flow = [Trace(trace, np.zeros((len(trace), 2))) for trace in traces]
+    selection = select(flow, SensorSettings(lags=LAGS))
+    np.testing.assert_array_equal(selection.selected, select_sensors(traces, LAGS))
+    np.testing.assert_array_equal(selection.report.kept, sensor_votes(traces, LAGS).kept)
 
 
 def test_order_of_sensors_is_that_of_the_selection(traces):
@@ -161,7 +188,10 @@ def test_unusable_observations_are_refused(observations, lags, message):
         select_sensors(observations, lags)
 
 
-@pytest.mark.parametrize("change", [{"lags": 0}, {"rule": "aic"}, {"sample_size": 1}, {"alpha": 0.0}])
+@pytest.mark.parametrize(
+    "change",
+    [{"lags": 0}, {"rule": "aic"}, {"sample_size": 1}, {"alpha": 0.0}, {"alpha": np.nan}, {"selection": "wish"}],
+)
 def test_settings_outside_their_range_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         SensorSettings(**change)

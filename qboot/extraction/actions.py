@@ -1,18 +1,20 @@
 """Discrete actions with linear commands, and their extraction by clustering (paper, sections IV-B and IV-C).
 
-Shape letters: A actions, E effectors, n segments.
+Shape letters: A actions, E effectors, n segments, F = 2 E + 1 features.
 """
 
+import math
 import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qboot.extraction.clustering import cluster
-from qboot.extraction.segmentation import Segments, cut_segments
+from qboot.extraction.clustering import CLUSTERINGS
+from qboot.extraction.segmentation import SEGMENTATIONS, Segments, cut_segments
 
 SCALES = ("none", "std", "minmax", "logstd")
 # Centres nearer than this in every feature, in standard deviations of it, count as one.
@@ -20,11 +22,14 @@ SAME_CENTRE = 0.02
 
 
 class ActionSet(NamedTuple):
-    """The actions of a Q-learner: linear commands held for a number of steps (equations 4 to 6)."""
+    """The actions of a Q-learner, V_a of equation 6: linear commands for a number of steps.
 
-    slopes: np.ndarray | jax.Array  # (A, E) float32, per step
-    intercepts: np.ndarray | jax.Array  # (A, E) float32
-    durations: np.ndarray | jax.Array  # (A,) int32 steps, >= 1
+    NumPy arrays where they are extracted and stored, JAX arrays where a learner uses them.
+    """
+
+    slopes: np.ndarray | jax.Array  # (A, E) float32 u, per step
+    intercepts: np.ndarray | jax.Array  # (A, E) float32 v
+    durations: np.ndarray | jax.Array  # (A,) int32 d, steps, >= 1
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,12 @@ class ActionSettings:
 
     n_actions: int = 17
     """Na: number of actions, >= 1 (17 for ball collecting, 7 for box pushing)."""
+
+    segmentation: str = "second_derivative"
+    """Name of the method that cuts commands into segments."""
+
+    clustering: str = "fuzzy_c_means"
+    """Name of the method that finds the most representative of them."""
 
     fuzziness: float = 1.3
     """m of fuzzy c-means, > 1. The paper gives none. Nearer to 1, fewer centres coincide."""
@@ -52,7 +63,7 @@ class ActionSettings:
 
     max_duration: int = 100
     """Segments that last longer, in steps, are cut into equal parts before the clustering, >= 1: an action cannot be
-    interrupted, and one of thousands of steps spends a whole test."""
+    interrupted, and one of thousands of steps spends a whole rollout."""
 
     restarts: int = 1
     """Clusterings from different first centres, >= 1; the one with the smallest sum of distances is kept."""
@@ -65,25 +76,21 @@ class ActionSettings:
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
-        if self.n_actions < 1:
-            raise ValueError(f"n_actions must be at least 1, got {self.n_actions}.")
-        if not self.fuzziness > 1:
-            raise ValueError(f"fuzziness must be greater than 1, got {self.fuzziness}.")
-        if self.scale not in SCALES:
-            raise ValueError(f"scale must be one of {SCALES}, got {self.scale!r}.")
-        if not self.duration_unit > 0:
-            raise ValueError(f"duration_unit must be positive, got {self.duration_unit}.")
-        if not 1 <= self.min_duration <= self.max_duration:
+        for name, table in (("segmentation", SEGMENTATIONS), ("clustering", CLUSTERINGS), ("scale", SCALES)):
+            if getattr(self, name) not in table:
+                raise ValueError(f"{name} is {getattr(self, name)!r}: it must be one of {', '.join(table)}")
+        for name in ("n_actions", "min_duration", "restarts", "max_iterations"):
+            if not getattr(self, name) >= 1:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be at least 1")
+        if not self.max_duration >= self.min_duration:
             raise ValueError(
-                f"durations must satisfy 1 <= min_duration <= max_duration, got {self.min_duration} and "
-                f"{self.max_duration}."
+                f"max_duration is {self.max_duration}: it must be at least min_duration, which is {self.min_duration}"
             )
-        if self.restarts < 1:
-            raise ValueError(f"restarts must be at least 1, got {self.restarts}.")
-        if self.max_iterations < 1:
-            raise ValueError(f"max_iterations must be at least 1, got {self.max_iterations}.")
-        if not self.tolerance >= 0:
-            raise ValueError(f"tolerance must not be negative, got {self.tolerance}.")
+        for name, above in (("fuzziness", 1), ("duration_unit", 0)):
+            if not above < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be finite and above {above}")
+        if not 0 <= self.tolerance < math.inf:
+            raise ValueError(f"tolerance is {self.tolerance}: it must be finite and not negative")
 
 
 class ActionInfo(NamedTuple):
@@ -100,24 +107,25 @@ class Scaling(NamedTuple):
     """Feature scaling that can be undone: minus `origin`, over `unit`, the last feature's log if `is_log`."""
 
     is_log: bool
-    origin: np.ndarray  # (2E + 1,)
-    unit: np.ndarray  # (2E + 1,), > 0
+    origin: np.ndarray  # (F,)
+    unit: np.ndarray  # (F,), > 0
 
     def apply(self, features: np.ndarray) -> np.ndarray:
-        """Scaled features (n, 2E + 1)."""
+        """Scaled features (n, F)."""
         return ((_with_last(features, np.log) if self.is_log else features) - self.origin) / self.unit
 
     def undo(self, scaled: np.ndarray) -> np.ndarray:
-        """Raw features (n, 2E + 1)."""
+        """Raw features (n, F)."""
         features = scaled * self.unit + self.origin
         return _with_last(features, np.exp) if self.is_log else features
 
 
 def commands(actions: ActionSet, a: jax.Array, t: jax.Array) -> jax.Array:
-    """Commands of action `a` at its step `t` (equation 4), clipped to the effectors' range [0, 1].
+    """Commands Gamma_a(t) of action `a` at its step `t` (equations 4 and 5), clipped to the effectors' range [0, 1].
 
     Works under jit and vmap. `a` and `t` are () or of equal shape (...); returns (E,) or (..., E).
     """
+    chex.assert_equal_shape([jnp.asarray(a), jnp.asarray(t)])
     time = jnp.asarray(t)[..., None]
     # A traced index cannot pick from a NumPy array.
     slopes, intercepts = jnp.asarray(actions.slopes)[a], jnp.asarray(actions.intercepts)[a]
@@ -125,15 +133,15 @@ def commands(actions: ActionSet, a: jax.Array, t: jax.Array) -> jax.Array:
 
 
 def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> tuple[ActionSet, ActionInfo]:
-    """The most representative actions: centres of fuzzy clusters of (u_1, v_1, ..., u_E, v_E, d).
+    """The most representative actions: centres of clusters of (u_1, v_1, ..., u_E, v_E, d), V_a of equation 6.
 
     All `n_actions` centres are returned, coinciding ones too (with a warning), so that a Q-learner's shape
     does not depend on the data. Durations are rounded to whole steps, at least 1.
 
     Args:
         segments: n of them.
-        settings: number of actions, fuzziness, scaling.
-        seed: decides the first centres.
+        settings: number of actions, scaling, method and its settings.
+        seed: decides all that is random.
 
     Raises:
         ValueError: if there are fewer segments than actions.
@@ -145,15 +153,8 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
             "use more or longer traces, or fewer actions."
         )
     scaling = fit_scaling(features, settings.scale, settings.duration_unit)
-    found = cluster(
-        scaling.apply(features),
-        settings.n_actions,
-        settings.fuzziness,
-        seed,
-        max_iterations=settings.max_iterations,
-        tolerance=settings.tolerance,
-        restarts=settings.restarts,
-    )
+    found = CLUSTERINGS[settings.clustering](scaling.apply(features), settings, seed)
+    chex.assert_shape(found.centres, (settings.n_actions, features.shape[1]))
     actions = _actions(scaling.undo(found.centres))
     standard = fit_scaling(features, "logstd" if settings.scale == "logstd" else "std")
     n_distinct = count_distinct(standard.apply(scaling.undo(found.centres)))
@@ -168,7 +169,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
 
 
 def fit_scaling(features: np.ndarray, scale: str, duration_unit: float = 1.0) -> Scaling:
-    """The scaling `scale` (one of SCALES) of features (n, 2E + 1); constant features are only shifted."""
+    """The scaling `scale` (one of SCALES) of features (n, F); constant features are only shifted."""
     if scale == "none":
         unit = np.append(np.ones(features.shape[1] - 1), duration_unit)
         return Scaling(False, np.zeros(features.shape[1]), unit)
@@ -185,7 +186,7 @@ def fit_scaling(features: np.ndarray, scale: str, duration_unit: float = 1.0) ->
 
 
 def count_distinct(centres: np.ndarray) -> int:
-    """How many centres (c, D), in standard deviations, differ by over SAME_CENTRE from all before them."""
+    """How many centres (c, F), in standard deviations, differ by over SAME_CENTRE from all before them."""
     apart = np.abs(centres[:, None] - centres[None]).max(axis=-1) > SAME_CENTRE
     return sum(bool(apart[i, :i].all()) for i in range(len(centres)))
 

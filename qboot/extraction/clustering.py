@@ -1,10 +1,18 @@
-"""Fuzzy c-means (paper, section IV-C; Bezdek 1981). Shape letters: n points, D features, c clusters."""
+"""Clustering by methods with names, fuzzy c-means first (paper, section IV-C; Bezdek 1981).
 
-from typing import NamedTuple
+Another method is a function (features (n, F), settings, seed) -> Clustering, and a row of CLUSTERINGS.
+Shape letters: n points, F features, c clusters.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+if TYPE_CHECKING:  # the settings choose one of the methods
+    from qboot.extraction.actions import ActionSettings
 
 # Choosing the first centres needs no more points than this, however many there are to cluster.
 MAX_INITIAL_POINTS = 20_000
@@ -13,11 +21,11 @@ ON_CENTRE = 1e-30
 
 
 class Clustering(NamedTuple):
-    """What fuzzy c-means found."""
+    """What a clustering found."""
 
-    centres: np.ndarray  # (c, D) float64
+    centres: np.ndarray  # (c, F) float64
     memberships: np.ndarray  # (n, c) float32, rows sum to 1
-    iterations: int  # updates of the centres
+    iterations: int  # until it stopped
 
 
 def fuzzy_c_means(
@@ -29,7 +37,7 @@ def fuzzy_c_means(
     max_iterations: int = 300,
     tolerance: float = 1e-4,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (c, D) and memberships (n, c) of fuzzy clusters: `cluster` without the count of iterations."""
+    """Centres (c, F) and memberships (n, c) of fuzzy clusters: `cluster` without the count of iterations."""
     found = cluster(points, n_clusters, m, seed, max_iterations=max_iterations, tolerance=tolerance)
     return found.centres, found.memberships
 
@@ -47,7 +55,7 @@ def cluster(
     """Minimise sum_ij u_ij^m |x_i - c_j|^2 over centres c and memberships u, from k-means++ centres.
 
     Args:
-        points: (n, D) finite.
+        points: (n, F) finite.
         n_clusters: c, 1 .. n.
         m: fuzziness, > 1. Near 1 it is k-means; the larger, the more the centres draw together: with m = 2
             and noisy data in several dimensions, many of them may coincide.
@@ -126,3 +134,21 @@ def _check(points: np.ndarray, n_clusters: int, m: float, max_iterations: int, t
         raise ValueError(f"tolerance must not be negative, got {tolerance}.")
     if restarts < 1:
         raise ValueError(f"restarts must be at least 1, got {restarts}.")
+
+
+def _fuzzy_c_means(features: np.ndarray, settings: "ActionSettings", seed: int) -> Clustering:
+    return cluster(
+        features,
+        settings.n_actions,
+        settings.fuzziness,
+        seed,
+        max_iterations=settings.max_iterations,
+        tolerance=settings.tolerance,
+        restarts=settings.restarts,
+    )
+
+
+CLUSTERINGS: dict[str, Callable[[np.ndarray, "ActionSettings", int], Clustering]] = {
+    "fuzzy_c_means": _fuzzy_c_means,
+}
+"""(scaled features (n, F), settings, seed) -> `settings.n_actions` clusters; the seed decides all that is random."""

@@ -1,11 +1,16 @@
-"""Cutting a flow of commands into linear segments (paper, section IV-C).
+"""Cutting a flow of commands into linear segments (paper, section IV-C), by methods with names.
 
+Another method is a function (commands (E, T), settings) -> Segments, and a row of SEGMENTATIONS.
 Shape letters: E effectors, T steps, n segments.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:  # the settings choose one of the methods
+    from qboot.extraction.actions import ActionSettings
 
 
 class Segments(NamedTuple):
@@ -17,7 +22,7 @@ class Segments(NamedTuple):
 
 
 def split_points(commands: np.ndarray) -> np.ndarray:
-    """The paper's SPLIT POINTS: the steps at which a new action starts.
+    """The paper's function SPLIT POINTS (section IV-C): the steps at which a new action starts.
 
     A step is a candidate where the second derivative (mean of the absolute values over the effectors) exceeds
     its own mean over the flow. Of two candidates in a row the weaker is dropped (the first, when equal);
@@ -50,7 +55,7 @@ def split_points(commands: np.ndarray) -> np.ndarray:
 
 
 def linear_segments(commands: np.ndarray, shortest: int = 1) -> Segments:
-    """Least-squares lines between successive split points; the first segment starts at 0, the last ends at T.
+    """Least-squares lines (equation 5) between successive split points; the segments start at 0 and end at T.
 
     Args:
         commands: (E, T) values sent to the effectors.
@@ -98,6 +103,16 @@ def join_segments(parts: list[Segments]) -> Segments:
     return Segments(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
 
+def segment(flows: Iterable[np.ndarray], settings: "ActionSettings") -> Segments:
+    """The segments of several flows of commands, (T, E) each, by the method that the settings name.
+
+    Raises:
+        ValueError: if there is no flow, or one that `split_points` refuses.
+    """
+    method = SEGMENTATIONS[settings.segmentation]
+    return join_segments([method(commands.T, settings) for commands in flows])
+
+
 def _spaced(points: np.ndarray, shortest: int, n_steps: int) -> np.ndarray:
     """0, and those of the increasing `points` that leave `shortest` steps before and after them."""
     starts = [0]
@@ -114,3 +129,13 @@ def _checked(commands: np.ndarray) -> np.ndarray:
     if not np.isfinite(commands).all():
         raise ValueError("commands must be finite: they hold NaN or infinite values.")
     return commands
+
+
+def _second_derivative(commands: np.ndarray, settings: "ActionSettings") -> Segments:
+    return linear_segments(commands, settings.min_duration)
+
+
+SEGMENTATIONS: dict[str, Callable[[np.ndarray, "ActionSettings"], Segments]] = {
+    "second_derivative": _second_derivative,
+}
+"""(commands (E, T), settings) -> segments of at least `min_duration` steps whose durations sum to T."""

@@ -1,4 +1,6 @@
-"""Choice of the inputs that tell the state: lasso models and a majority vote (paper, section IV-D).
+"""Choice of the inputs that tell the state, by methods with names: lasso models and a majority vote (section IV-D).
+
+Another method is a function (traces, settings) -> Selection, and a row of SELECTIONS.
 
 Shape letters: S sensors, L lags (the paper's mu), T steps, P inputs that vary (L S of them at most).
 Only sums of products over all rows are kept, never the rows, so any number of traces fits in memory.
@@ -9,11 +11,13 @@ keeps nearly every input. `docs/fidelity.md` has the counts, and why the default
 """
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from qboot.extraction.traces import Trace
 
 RULES = ("bic", "bic_traces", "bic_rows", "fixed")
 # Rows multiplied at a time.
@@ -31,6 +35,9 @@ NEGLIGIBLE = 1e-9
 class SensorSettings:
     """How inputs are chosen. Raises `ValueError` when a value lies outside the range given under it."""
 
+    selection: str = "lasso"
+    """Name of the method."""
+
     lags: int = 8
     """mu: past observations that inputs are chosen from, >= 1."""
 
@@ -46,17 +53,17 @@ class SensorSettings:
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
-        if self.lags < 1:
-            raise ValueError(f"lags must be at least 1, got {self.lags}.")
-        if self.rule not in RULES:
-            raise ValueError(f"rule must be one of {RULES}, got {self.rule!r}.")
-        if self.sample_size < 2:
-            raise ValueError(f"sample_size must be at least 2, got {self.sample_size}.")
+        for name, table in (("selection", SELECTIONS), ("rule", RULES)):
+            if getattr(self, name) not in table:
+                raise ValueError(f"{name} is {getattr(self, name)!r}: it must be one of {', '.join(table)}")
+        for name, least in (("lags", 1), ("sample_size", 2)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be at least {least}")
         if not 0 < self.alpha < 1:
-            raise ValueError(f"alpha must lie between 0 and 1, got {self.alpha}.")
+            raise ValueError(f"alpha is {self.alpha}: it must lie between 0 and 1")
 
 
-class Moments(NamedTuple):
+class Sums(NamedTuple):
     """Sums over the rows (1, o(t), o(t-1), .. o(t-L)) of all traces."""
 
     products: np.ndarray  # (1 + (L+1) S, 1 + (L+1) S) float64, sum of outer products
@@ -72,6 +79,18 @@ class SensorVotes(NamedTuple):
     explained: np.ndarray  # (S,) share of the variance that the model explains, NaN without a model
     n_traces: int  # long enough to be used
     n_rows: int
+
+
+class Selection(NamedTuple):
+    """The inputs chosen, and what to report of the choice."""
+
+    selected: np.ndarray  # (L, S) bool; row k is the observation o(t - k - 1)
+    report: Any  # a named tuple of arrays, to be stored with them
+
+
+def select(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
+    """Inputs chosen from learning traces by the method that the settings name; errors as `sensor_votes`."""
+    return SELECTIONS[settings.selection](traces, settings)
 
 
 def select_sensors(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> np.ndarray:
@@ -112,8 +131,8 @@ def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: Sensor
         ValueError: if traces are not finite or of different S, none is long enough, or no sensor ever varies.
     """
     settings = settings or SensorSettings()
-    moments = sum_moments(observations, lags)
-    correlations, varies = standardise(moments)
+    sums = sum_rows(observations, lags)
+    correlations, varies = standardise(sums)
     n_sensors = len(correlations) // (lags + 1)
     targets = np.flatnonzero(varies[:n_sensors])
     inputs = n_sensors + np.flatnonzero(varies[n_sensors:])
@@ -124,13 +143,13 @@ def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: Sensor
     kept = np.zeros((n_sensors, lags * n_sensors), bool)
     alphas, explained = np.full((2, n_sensors), np.nan)
     for j in targets:
-        weights, alphas[j], explained[j] = fit_lasso(gram, correlations[inputs, j], settings, moments)
+        weights, alphas[j], explained[j] = fit_lasso(gram, correlations[inputs, j], settings, sums)
         kept[j, inputs - n_sensors] = weights != 0
-    return SensorVotes(kept.reshape(n_sensors, lags, n_sensors), alphas, explained, moments.n_traces, moments.n_rows)
+    return SensorVotes(kept.reshape(n_sensors, lags, n_sensors), alphas, explained, sums.n_traces, sums.n_rows)
 
 
-def sum_moments(observations: Iterable[np.ndarray], lags: int) -> Moments:
-    """The moments of all traces longer than `lags`; errors as `sensor_votes`."""
+def sum_rows(observations: Iterable[np.ndarray], lags: int) -> Sums:
+    """The sums over all traces longer than `lags`; errors as `sensor_votes`."""
     if lags < 1:
         raise ValueError(f"lags must be at least 1, got {lags}.")
     products, n_traces, n_rows, n_sensors = 0.0, 0, 0, None
@@ -150,22 +169,22 @@ def sum_moments(observations: Iterable[np.ndarray], lags: int) -> Moments:
             products = products + rows.T @ rows
         n_traces, n_rows = n_traces + 1, n_rows + len(trace) - lags
     if not n_traces:
-        raise ValueError(f"no trace is longer than {lags} steps: use longer tests or fewer lags.")
-    return Moments(products, n_traces, n_rows)
+        raise ValueError(f"no trace is longer than {lags} steps: use longer rollouts or fewer lags.")
+    return Sums(products, n_traces, n_rows)
 
 
-def standardise(moments: Moments) -> tuple[np.ndarray, np.ndarray]:
+def standardise(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
     """Correlations between the columns o(t), o(t-1), .. o(t-L), and which columns vary; 0 for those that do not."""
-    square = np.diag(moments.products)[1:] / moments.n_rows
-    mean = moments.products[0, 1:] / moments.n_rows
-    covariance = moments.products[1:, 1:] / moments.n_rows - np.outer(mean, mean)
+    square = np.diag(sums.products)[1:] / sums.n_rows
+    mean = sums.products[0, 1:] / sums.n_rows
+    covariance = sums.products[1:, 1:] / sums.n_rows - np.outer(mean, mean)
     varies = np.diag(covariance) > CONSTANT * square
     unit = np.sqrt(np.where(varies, np.diag(covariance), 1.0))
     return covariance / np.outer(unit, unit) * np.outer(varies, varies), varies
 
 
 def fit_lasso(
-    gram: np.ndarray, correlation: np.ndarray, settings: SensorSettings, moments: Moments
+    gram: np.ndarray, correlation: np.ndarray, settings: SensorSettings, sums: Sums
 ) -> tuple[np.ndarray, float, float]:
     """The lasso model of one target at the penalty that the rule chooses.
 
@@ -173,7 +192,7 @@ def fit_lasso(
         gram: (P, P) correlations between the inputs.
         correlation: (P,) of the inputs with the target.
         settings: the rule.
-        moments: where the inputs come from, for the rules that count.
+        sums: where the inputs come from, for the rules that count.
 
     Returns:
         Weights (P,), not all zero, the penalty, and the share of the target's variance explained.
@@ -193,7 +212,7 @@ def fit_lasso(
     if settings.rule == "fixed":
         chosen = len(alphas) - 1
     else:
-        counts = {"bic": settings.sample_size, "bic_traces": moments.n_traces, "bic_rows": moments.n_rows}
+        counts = {"bic": settings.sample_size, "bic_traces": sums.n_traces, "bic_rows": sums.n_rows}
         chosen = _least_bic(path, unexplained, counts[settings.rule])
     weights = path[:, chosen]
     if not weights.any():
@@ -207,3 +226,12 @@ def _least_bic(path: np.ndarray, unexplained: np.ndarray, n: int) -> int:
     """Place on the path (P, places) of the least Bayesian information criterion for n observations."""
     misfit = n * np.log(np.maximum(unexplained, NEGLIGIBLE))
     return int(np.argmin(misfit + np.log(n) * (path != 0).sum(axis=0)))
+
+
+def _lasso(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
+    votes = sensor_votes((trace.observations for trace in traces), settings.lags, settings)
+    return Selection(majority(votes.kept), votes)
+
+
+SELECTIONS: dict[str, Callable[[Iterable[Trace], SensorSettings], Selection]] = {"lasso": _lasso}
+"""(traces, settings) -> a selection with at least one input; `settings.lags` rows."""

@@ -5,9 +5,11 @@ room for hidden neurons. Shape letters: S inputs, E outputs, H hidden neurons at
 K = E + H neurons that compute, N = S + K neurons in all.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 
@@ -15,25 +17,30 @@ BIAS_GAIN = 5.0  # a bias acts five-fold, as in the authors' program
 
 
 @dataclass(frozen=True)
-class Topology:
-    """What all networks of a run share (appendix B)."""
+class DnnSettings:
+    """What all networks of a run share (appendix B). Raises `ValueError` when a value makes no network."""
 
     n_inputs: int = 13
-    """Input neurons, one per sensor."""
+    """S: input neurons, one per sensor, >= 1."""
     n_outputs: int = 3
-    """Output neurons, one per effector."""
+    """E: output neurons, one per effector, >= 1."""
     max_hidden: int = 20
-    """Hidden neurons at most."""
+    """H: hidden neurons at most, >= 0."""
     max_connections: int = 75
-    """Connections at most."""
+    """C: connections at most, >= S E."""
     weight_limit: float = 5.0
-    """Weights and biases lie in [-weight_limit, weight_limit]."""
+    """Weights and biases lie in [-weight_limit, weight_limit], > 0."""
     feed_forward: bool = False
     """Whether mutation keeps networks free of cycles."""
 
     def __post_init__(self):
-        """Reject a topology whose first generation does not fit."""
-        if self.max_connections < self.n_inputs * self.n_outputs:
+        """Refuse what makes no network, or has no room for the first generation."""
+        for name, least in (("n_inputs", 1), ("n_outputs", 1), ("max_hidden", 0)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be at least {least}")
+        if not 0 < self.weight_limit < math.inf:
+            raise ValueError(f"weight_limit is {self.weight_limit}: it must be finite and above 0")
+        if not self.max_connections >= self.n_inputs * self.n_outputs:
             raise ValueError(
                 f"max_connections is {self.max_connections}, but the first generation connects each of "
                 f"{self.n_inputs} inputs to each of {self.n_outputs} outputs: at least {self.n_inputs * self.n_outputs}"
@@ -68,35 +75,37 @@ class Network(NamedTuple):
     biases: jax.Array  # (K,)
 
 
-def random_genome(key: jax.Array, topology: Topology) -> Genome:
+def random_genome(key: jax.Array, settings: DnnSettings) -> Genome:
     """A network of the first generation: every input to every output, no hidden neuron, uniform weights and biases."""
-    n_first = topology.n_inputs * topology.n_outputs
-    index = jnp.arange(topology.max_connections)
+    n_first = settings.n_inputs * settings.n_outputs
+    index = jnp.arange(settings.max_connections)
     connected = index < n_first
     key_weights, key_biases = jax.random.split(key)
     # Drawn one by one, so that a network does not depend on the room left for its growth.
     draw = jax.vmap(lambda key, i: jax.random.uniform(jax.random.fold_in(key, i), minval=-1.0), in_axes=(None, 0))
-    limit = topology.weight_limit
+    limit = settings.weight_limit
     return Genome(
-        sources=jnp.where(connected, index % topology.n_inputs, 0).astype(jnp.int32),
-        targets=jnp.where(connected, topology.n_inputs + index // topology.n_inputs, topology.n_inputs).astype(
+        sources=jnp.where(connected, index % settings.n_inputs, 0).astype(jnp.int32),
+        targets=jnp.where(connected, settings.n_inputs + index // settings.n_inputs, settings.n_inputs).astype(
             jnp.int32
         ),
         weights=jnp.where(connected, limit * draw(key_weights, index), 0.0),
         connected=connected,
         biases=jnp.where(
-            jnp.arange(topology.n_computing) < topology.n_outputs,
-            limit * draw(key_biases, jnp.arange(topology.n_computing)),
+            jnp.arange(settings.n_computing) < settings.n_outputs,
+            limit * draw(key_biases, jnp.arange(settings.n_computing)),
             0.0,
         ),
-        hidden=jnp.zeros(topology.max_hidden, bool),
+        hidden=jnp.zeros(settings.max_hidden, bool),
     )
 
 
-def express(genome: Genome, topology: Topology) -> Network:
+def express(genome: Genome, settings: DnnSettings) -> Network:
     """The dense network of a genome, built once per evaluation."""
-    rows = jnp.where(genome.connected, genome.targets - topology.n_inputs, topology.n_computing)
-    weights = jnp.zeros((topology.n_computing, topology.n_neurons))
+    chex.assert_shape([genome.sources, genome.targets, genome.weights, genome.connected], (settings.max_connections,))
+    chex.assert_shape([genome.biases, genome.hidden], [(settings.n_computing,), (settings.max_hidden,)])
+    rows = jnp.where(genome.connected, genome.targets - settings.n_inputs, settings.n_computing)
+    weights = jnp.zeros((settings.n_computing, settings.n_neurons))
     return Network(weights.at[rows, genome.sources].add(genome.weights, mode="drop"), genome.biases)
 
 
@@ -110,5 +119,7 @@ def step(network: Network, activities: jax.Array, inputs: jax.Array) -> jax.Arra
 
     A connection between computing neurons therefore takes one step, in recurrent and feed-forward networks alike.
     """
+    n_computing, n_neurons = network.weights.shape
+    chex.assert_shape([activities, inputs], [(n_computing,), (n_neurons - n_computing,)])
     drive = network.weights @ jnp.concatenate([inputs, activities])
     return jax.nn.sigmoid(drive - BIAS_GAIN * network.biases)

@@ -1,6 +1,7 @@
 """Running networks in a task: many controllers, all domains, one compiled loop.
 
-Shape letters: B controllers, n tests (domains x tests per domain), L = B n lanes that run side by side, T steps.
+Shape letters: B controllers, D domains, n = D `rollouts_per_domain` rollouts, L = B n lanes that run side by side,
+T steps, K computing neurons.
 """
 
 from collections.abc import Callable
@@ -8,18 +9,19 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from qboot.envs.task import Domain, Task, TaskState
 from qboot.neuroevolution import dnn
-from qboot.neuroevolution.behaviour import Moment, Recorder
-from qboot.neuroevolution.dnn import Genome, Network, Topology
+from qboot.neuroevolution.dnn import DnnSettings, Genome, Network
+from qboot.neuroevolution.recorders import Recorder, Timestep
 
-# Steps between two looks at which lanes still run: so many at most, and so many looks a test.
+# Steps between two looks at which lanes still run: so many at most, and so many looks a rollout.
 CHUNK = 250
-CHUNKS_PER_TEST = 20
+CHUNKS_PER_ROLLOUT = 20
 # The batch shrinks to these shares of its first size as lanes are over.
 BATCH_SHARES = (1, 4, 16)
 # Smaller batches, as those of a single network, are not worth a compiled loop for each share.
@@ -29,7 +31,7 @@ BLOCK = 16
 
 
 class Lanes(NamedTuple):
-    """Tests that run side by side; leading axis L on every leaf."""
+    """Rollouts that run side by side; leading axis L on every leaf."""
 
     domains: Domain
     networks: Network
@@ -43,28 +45,28 @@ class Lanes(NamedTuple):
 class Evaluation(NamedTuple):
     """What evaluating B controllers gives."""
 
-    scores: jax.Array  # (B, n) rewards earned in each test, in units of the task's reward
+    scores: jax.Array  # (B, n) rewards earned in each rollout, in units of the task's reward
     steps: jax.Array  # (B, n) int32 steps lived
-    descriptions: Any  # (B, n, ...) by the recorder
+    descriptors: Any  # (B, n, ...) by the recorder
 
 
-def tests_of(task: Task, domains: Domain) -> tuple[Domain, int]:
-    """The domain of each test of an episode, leading axis n, and n."""
-    tests = jax.tree.map(lambda leaf: jnp.repeat(jnp.asarray(leaf), task.rollouts_per_domain, axis=0), domains)
-    return tests, len(jax.tree.leaves(tests)[0])
+def rollouts_of(task: Task, domains: Domain) -> tuple[Domain, int]:
+    """The domain of each rollout of an episode, leading axis n, and n."""
+    rollouts = jax.tree.map(lambda leaf: jnp.repeat(jnp.asarray(leaf), task.rollouts_per_domain, axis=0), domains)
+    return rollouts, len(jax.tree.leaves(rollouts)[0])
 
 
 def run(
     task: Task, recorder: Recorder, networks: Network, domains: Domain, keys: jax.Array
 ) -> tuple[Any, jax.Array, jax.Array]:
-    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done or idle.
+    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done or truncated.
 
     Lanes that are over are dropped from the batch: once no more than a quarter of them run, the loop goes on with a
     quarter of the batch, then with a sixteenth.
 
     Args:
         task: the task.
-        recorder: what to keep of each test.
+        recorder: what to keep of each rollout.
         networks: leading axis L.
         domains: leading axis L.
         keys: (L,) random keys for the starts.
@@ -73,7 +75,7 @@ def run(
         Descriptions by the recorder (L, ...), rewards (L,), steps lived (L,) int32.
     """
     n_lanes = len(keys)
-    chunk = max(1, min(CHUNK, task.max_steps // CHUNKS_PER_TEST))
+    chunk = max(1, min(CHUNK, task.max_steps // CHUNKS_PER_ROLLOUT))
     n_chunks = -(-task.max_steps // chunk)
     # A record starts the same for all lanes.
     records = jax.tree.map(
@@ -101,12 +103,12 @@ def run(
 
         batch, first_chunk = jax.lax.while_loop(some_go_on, run_chunk, (batch, first_chunk))
         lanes = jax.tree.map(lambda all, some, places=places: all.at[places].set(some, mode="drop"), lanes, batch)
-    descriptions = jax.vmap(partial(recorder.finish, task))(domains, lanes.records, lanes.states)
-    return descriptions, lanes.rewards, lanes.steps
+    descriptors = jax.vmap(partial(recorder.finish, task))(domains, lanes.records, lanes.states)
+    return descriptors, lanes.rewards, lanes.steps
 
 
 def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -> Lanes:
-    """Run all lanes for the steps `times` (chunk,) of their tests."""
+    """Run all lanes for the steps `times` (chunk,) of their rollouts."""
 
     def step(lanes: Lanes, t: jax.Array) -> tuple[Lanes, None]:
         alive = _goes_on(task, lanes.states) & (t < task.max_steps)
@@ -114,9 +116,9 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
         # one kernel that the loop compiles to, a product with shared weights does not.
         activities = jax.vmap(dnn.step)(lanes.networks, lanes.activities, lanes.states.observation)
         commands = activities[:, : len(task.effectors)]
-        moments = Moment(t, alive, lanes.states, commands)
-        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, Moment(None, 0, 0, 0)))(
-            lanes.domains, lanes.records, moments
+        timesteps = Timestep(t, alive, lanes.states, commands)
+        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, Timestep(None, 0, 0, 0)))(
+            lanes.domains, lanes.records, timesteps
         )
         after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
         after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, lanes.states)
@@ -127,23 +129,24 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
 
 
 def _goes_on(task: Task, states: TaskState) -> jax.Array:
-    """Which tests (L,) are neither done nor idle."""
+    """Which rollouts (L,) are neither done nor truncated."""
     return ~states.done & ~jax.vmap(task.truncated)(states)
 
 
-@partial(jax.jit, static_argnames=("task", "topology", "recorder"))
+@partial(jax.jit, static_argnames=("task", "settings", "recorder"))
 def evaluate(
-    task: Task, topology: Topology, recorder: Recorder, domains: Domain, genomes: Genome, keys: jax.Array
+    task: Task, settings: DnnSettings, recorder: Recorder, domains: Domain, genomes: Genome, keys: jax.Array
 ) -> Evaluation:
-    """Evaluate B genomes, one episode each; `keys` (B,) decide the starts."""
-    tests, n_tests = tests_of(task, domains)
-    networks = jax.vmap(lambda genome: dnn.express(genome, topology))(genomes)
-    networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_tests, axis=0), networks)
-    lanes = jax.tree.map(lambda leaf: jnp.tile(leaf, (len(keys),) + (1,) * (leaf.ndim - 1)), tests)
-    test_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_tests)))(keys)
-    descriptions, rewards, steps = run(task, recorder, networks, lanes, test_keys.reshape(-1))
-    result = Evaluation(rewards / task.reward, steps, descriptions)
-    return jax.tree.map(lambda leaf: leaf.reshape(len(keys), n_tests, *leaf.shape[1:]), result)
+    """Evaluate B genomes, one episode each in the `domains` (D, ...); `keys` (B,) decide the starts."""
+    chex.assert_equal_shape_prefix((genomes.weights, keys), 1)
+    rollouts, n_rollouts = rollouts_of(task, domains)
+    networks = jax.vmap(lambda genome: dnn.express(genome, settings))(genomes)
+    networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_rollouts, axis=0), networks)
+    lanes = jax.tree.map(lambda leaf: jnp.tile(leaf, (len(keys),) + (1,) * (leaf.ndim - 1)), rollouts)
+    rollout_keys = jax.vmap(lambda key: jax.vmap(lambda i: jax.random.fold_in(key, i))(jnp.arange(n_rollouts)))(keys)
+    descriptors, rewards, steps = run(task, recorder, networks, lanes, rollout_keys.reshape(-1))
+    result = Evaluation(rewards / task.reward, steps, descriptors)
+    return jax.tree.map(lambda leaf: leaf.reshape(len(keys), n_rollouts, *leaf.shape[1:]), result)
 
 
 def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):

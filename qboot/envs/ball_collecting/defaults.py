@@ -1,7 +1,7 @@
 """What runs of ball collecting are made with: the paper's parameters (appendix B) and sizes by profile."""
 
 from qboot.extraction.actions import ActionSettings
-from qboot.neuroevolution.dnn import Topology
+from qboot.neuroevolution.dnn import DnnSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.pipeline.profiles import Defaults, Size, controls
 
@@ -20,7 +20,7 @@ DEFAULTS = Defaults(
         "paper": controls(30, actions=10_000, sensors=10_000, n_actions=5_000),
     },
     learner=LearnerSettings(gamma=0.9991, alpha=0.001, hidden=125, history="decisions"),
-    dnn=Topology(feed_forward=False),
+    dnn=DnnSettings(feed_forward=False),
     actions=ActionSettings(n_actions=17),
     n_actions=(4, 8, 17, 30, 50),  # the paper plots a range without saying which
     random_durations=(5, 25),

@@ -1,8 +1,8 @@
 """What runs of box pushing are made with: the paper's parameters (appendix B) and sizes by profile."""
 
 from qboot.extraction.actions import ActionSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.pipeline.profiles import Defaults, Size, controls
 
@@ -22,7 +22,7 @@ DEFAULTS = Defaults(
     },
     learner=LearnerSettings(gamma=0.99, alpha=0.01, hidden=35, input_range=(-3.0, 3.0)),
     evolution=EvolutionSettings(reevaluate=True),  # it starts at random, so a score is partly luck
-    dnn=Topology(feed_forward=True),
+    dnn=DnnSettings(feed_forward=True),
     # The hand crosses its window of success in one or two steps, so the actions that matter are short.
     actions=ActionSettings(n_actions=7, min_duration=1, max_duration=20, restarts=10),
     n_actions=(3, 5, 7, 15, 30),  # the paper plots a range without saying which

@@ -5,14 +5,21 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from qboot import qlearning
 from qboot.envs.task import Domain, Task
-from qboot.neuroevolution import evaluation, evolve
-from qboot.neuroevolution.behaviour import STATES
-from qboot.study.pipeline.evolving import source_problem
-from qboot.study.pipeline.learning import problem_on as learning_problem
-from qboot.study.store.artifacts import key_of, read_lineage, read_networks, task_of
-from qboot.study.store.runs import Run
+from qboot.neuroevolution import evaluation
+from qboot.neuroevolution.problem import evaluate_individuals
+from qboot.neuroevolution.recorders import STATES
+from qboot.qlearning import policy
+from qboot.study.runs import Run
+from qboot.study.stages import (
+    key_of,
+    read_actions,
+    read_inputs,
+    read_lineage,
+    read_networks,
+    source_problem,
+    task_of,
+)
 
 
 class Recording(NamedTuple):
@@ -27,11 +34,9 @@ def evolved(run: Run) -> list[Recording]:
     """The best-of-run network in each source domain (its first test there), as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
-    keys = evolve.evaluation_keys(problem, best, best.births)
-    parts = problem.task, problem.topology, STATES, problem.domains
-    found = jax.device_get(evaluation.evaluate(*parts, best.genomes, keys))
-    states, finals = found.descriptions
-    domains, n_tests = evaluation.tests_of(problem.task, problem.domains)
+    found = evaluate_individuals(problem, STATES, best, best.births)
+    states, finals = found.descriptors
+    domains, n_tests = evaluation.rollouts_of(problem.task, problem.domains)
     return [
         Recording(
             _at(domains, test),
@@ -45,12 +50,13 @@ def evolved(run: Run) -> list[Recording]:
 def learned(run: Run) -> list[Recording]:
     """The greedy Q-policy in each source domain (its first test there)."""
     task = task_of(run)
-    problem = learning_problem(run, task.source_domains(run.settings.source))
+    parts = read_actions(run), read_inputs(run), run.settings.learner
     networks, key = read_networks(run), key_of(run, "tests")
+    domains, n_tests = evaluation.rollouts_of(task, task.source_domains(run.settings.source))
     found = []
-    for index in range(0, problem.n_rollouts, task.rollouts_per_domain):
-        domain = problem.domain(problem.place(index))
-        played = jax.device_get(qlearning.rollout(networks, jax.random.fold_in(key, index), problem, domain))
+    for test in range(0, n_tests, task.rollouts_per_domain):
+        domain = _at(domains, test)
+        played = jax.device_get(policy.rollout(networks, jax.random.fold_in(key, test), task, domain, *parts))
         steps = int(played.mask.sum())
         found.append(Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps])))
     return found

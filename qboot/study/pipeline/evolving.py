@@ -7,10 +7,9 @@ import jax
 import numpy as np
 
 from qboot.envs.task import Domain
-from qboot.neuroevolution import evolve
+from qboot.neuroevolution.algorithms import ALGORITHMS, Algorithm, State
 from qboot.neuroevolution.dnn import Genome
-from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
-from qboot.neuroevolution.lineage import best_of, lineage
+from qboot.neuroevolution.problem import EvolveInfo, Problem
 from qboot.study.pipeline import loop
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
@@ -23,7 +22,7 @@ from qboot.study.store.settings import RunSettings
 class Evolving(NamedTuple):
     """Neuro-evolution in progress."""
 
-    state: EvolveState
+    state: State
     history: dict[str, list]  # columns of history.csv
 
 
@@ -31,9 +30,14 @@ def evolve_stage(run: Run[RunSettings], workers: int) -> None:
     """Neuro-evolution on the source set: history.csv, lineage.npz, pareto.npz."""
     problem = source_problem(run, workers)
     state = evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
-    best = lineage(state.archive, best_of(state.population), run.settings.evolution.horizon)
-    files.write_npz(run.file("lineage.npz"), files.to_arrays(best))
-    files.write_npz(run.file("pareto.npz"), files.to_arrays(evolve.pareto_front(state)))
+    algorithm = algorithm_of(problem)
+    files.write_npz(run.file("lineage.npz"), files.to_arrays(algorithm.best_lineage(problem, state)))
+    files.write_npz(run.file("pareto.npz"), files.to_arrays(algorithm.pareto_front(state)))
+
+
+def algorithm_of(problem: Problem) -> Algorithm:
+    """The evolutionary algorithm that the settings name."""
+    return ALGORITHMS[problem.settings.algorithm]
 
 
 def source_problem(run: Run[RunSettings], workers: int) -> Problem:
@@ -44,7 +48,7 @@ def source_problem(run: Run[RunSettings], workers: int) -> Problem:
 def problem_on(run: Run[RunSettings], domains: Domain, purpose: str, workers: int) -> Problem:
     """The run's neuro-evolution on a set of domains; `purpose` names its random stream."""
     settings = run.settings
-    return Problem(task_of(run), domains, settings.evolution, settings.topology, key_of(run, purpose), workers)
+    return Problem(task_of(run), domains, settings.evolution, settings.dnn, key_of(run, purpose), workers)
 
 
 def evolved(
@@ -54,18 +58,19 @@ def evolved(
     name: str,
     history_name: str,
     front: Genome | None = None,
-) -> EvolveState:
+) -> State:
     """The end of an evolution of `generations`, checkpointed under `name`; its history is written when it is over."""
     checkpoint = run.file(f"{name}.checkpoint.npz")
+    algorithm = algorithm_of(problem)
     if checkpoint.exists():
         start = _load(problem, checkpoint)
     else:
-        state, info = evolve.init(problem, front)
+        state, info = algorithm.init(problem, front)
         start = Evolving(state, {field: [value] for field, value in info._asdict().items()})
     top = problem.task.max_score_per_domain * len(jax.tree.leaves(problem.domains)[0])
 
     def step(evolving: Evolving) -> Evolving:
-        state, info = evolve.step(problem, evolving.state)
+        state, info = algorithm.step(problem, evolving.state)
         for field, value in info._asdict().items():
             evolving.history[field].append(value)
         return Evolving(state, evolving.history)
@@ -75,7 +80,7 @@ def evolved(
             total=generations,
             done=lambda evolving: evolving.state.generation,
             step=step,
-            save=lambda evolving: _save(evolving, checkpoint),
+            save=lambda evolving: _save(problem, evolving, checkpoint),
             report=lambda evolving: progress.update(
                 evolving.state.generation,
                 best=evolving.history["best"][-1],
@@ -88,16 +93,15 @@ def evolved(
     return end.state
 
 
-def _save(evolving: Evolving, checkpoint: Path) -> None:
-    # Behaviours are large and come back by running the population again.
-    arrays = files.to_arrays(evolving.state._replace(behaviours=()))
+def _save(problem: Problem, evolving: Evolving, checkpoint: Path) -> None:
     history = {f"history.{name}": np.array(values) for name, values in evolving.history.items()}
-    files.write_npz(checkpoint, arrays | history)
+    condensed = algorithm_of(problem).condensed(evolving.state)
+    files.write_npz(checkpoint, files.to_arrays(condensed) | history)
 
 
 def _load(problem: Problem, checkpoint: Path) -> Evolving:
     arrays = files.read_npz(checkpoint)
     history = {name: files.pick(arrays, f"history.{name}", checkpoint).tolist() for name in EvolveInfo._fields}
-    state = files.from_arrays(arrays | {"behaviours": np.empty(0)}, EvolveState, checkpoint)
-    state = state._replace(generation=int(state.generation), next_id=int(state.next_id))
-    return Evolving(state._replace(behaviours=evolve.describe(problem, state.population, state.generation)), history)
+    algorithm = algorithm_of(problem)
+    condensed = files.from_arrays(arrays, algorithm.state, checkpoint)
+    return Evolving(algorithm.restored(problem, condensed), history)

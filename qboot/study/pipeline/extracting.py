@@ -3,8 +3,8 @@
 import numpy as np
 
 from qboot.extraction.actions import cluster_actions
-from qboot.extraction.segmentation import Segments, join_segments, linear_segments
-from qboot.extraction.sensors import majority, sensor_votes
+from qboot.extraction.segmentation import Segments, segment
+from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
 from qboot.study.pipeline.evolving import source_problem
 from qboot.study.pipeline.progress import Progress
@@ -20,9 +20,8 @@ def extract_stage(run: Run[RunSettings], workers: int) -> None:
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
-    settings = run.settings.sensors
-    votes = sensor_votes((trace.observations for trace in flow), settings.lags, settings)
-    files.write_npz(run.file("sensors.npz"), {"selected": majority(votes.kept)} | files.to_arrays(votes))
+    selection = select(flow, run.settings.sensors)
+    files.write_npz(run.file("sensors.npz"), {"selected": selection.selected} | files.to_arrays(selection.report))
 
 
 def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
@@ -44,4 +43,4 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
 
 def segments_of(run: Run[RunSettings], flow: list[Trace]) -> Segments:
     """All linear segments of the traces' commands."""
-    return join_segments([linear_segments(trace.commands.T, run.settings.actions.min_duration) for trace in flow])
+    return segment((trace.commands for trace in flow), run.settings.actions)

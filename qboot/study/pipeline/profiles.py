@@ -8,8 +8,8 @@ from qboot.envs.registry import canonical, get_task
 from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.store.settings import RunSettings
 
@@ -48,7 +48,7 @@ class Defaults(NamedTuple):
     controls: Mapping[str, Mapping[str, ControlSize]]  # by profile, then by control experiment
     learner: LearnerSettings
     evolution: EvolutionSettings = EvolutionSettings()
-    dnn: Topology = Topology()
+    dnn: DnnSettings = DnnSettings()
     actions: ActionSettings = ActionSettings()
     sensors: SensorSettings = SensorSettings()
     n_actions: tuple[int, ...] = (4, 8, 17, 30, 50)  # compared by the control experiment on their number
@@ -107,7 +107,7 @@ def settings_of(name: str, profile: str, source: str, seed: int) -> RunSettings:
         seed=seed,
         profile=profile,
         n_steps=size.n_steps,
-        topology=replace(defaults.dnn, n_inputs=len(task.sensors), n_outputs=len(task.effectors)),
+        dnn=replace(defaults.dnn, n_inputs=len(task.sensors), n_outputs=len(task.effectors)),
         evolution=replace(
             defaults.evolution, population=size.population, generations=size.generations, horizon=size.horizon
         ),
@@ -146,7 +146,9 @@ def _general(task: Task) -> Defaults:
         # A reward halfway through a rollout is still worth a third of one now.
         learner=LearnerSettings(gamma=1.0 - 2.0 / max(steps, 3), alpha=0.01, hidden=50),
         # Room for as many connections again as the first generation has.
-        dnn=Topology(n_inputs=len(task.sensors), n_outputs=len(task.effectors), max_connections=max(75, 2 * n_first)),
+        dnn=DnnSettings(
+            n_inputs=len(task.sensors), n_outputs=len(task.effectors), max_connections=max(75, 2 * n_first)
+        ),
         actions=ActionSettings(n_actions=8, min_duration=1, max_duration=max(1, steps // 10), restarts=10),
         n_actions=(4, 8, 16),
         random_durations=(1, max(2, steps // 20)),

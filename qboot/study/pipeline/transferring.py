@@ -5,7 +5,7 @@ import numpy as np
 from qboot import qlearning
 from qboot.envs.task import Domain
 from qboot.neuroevolution import evaluation
-from qboot.neuroevolution.behaviour import STATES
+from qboot.neuroevolution.recorders import STATES
 from qboot.qlearning.networks import QNetworks
 from qboot.study.pipeline.evolving import evolved, problem_on
 from qboot.study.pipeline.learning import learned
@@ -57,7 +57,7 @@ def _generalisation(run: Run[RunSettings], domains: Domain, networks: QNetworks)
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
-    evaluated = evaluation.evaluate(task, run.settings.topology, STATES, domains, best.genomes, key[None])
+    evaluated = evaluation.evaluate(task, run.settings.dnn, STATES, domains, best.genomes, key[None])
     tests = np.asarray(evaluated.scores)[0]
     of_network = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     of_policy = qlearning.evaluate(networks, key, learning_problem_on(run, domains))

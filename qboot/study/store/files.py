@@ -103,15 +103,15 @@ def from_arrays(arrays: Mapping[str, np.ndarray], kind: type[Tree], origin: Path
     Raises:
         RunError: if an array is missing, as in a file of another version.
     """
+
+    def value(name: str, hint: Any) -> Any:
+        if hasattr(hint, "_fields"):
+            return from_arrays(arrays, hint, origin, f"{prefix}{name}.")
+        array = pick(arrays, prefix + name, origin)
+        return hint(array) if hint in (int, float) else array
+
     hints = get_type_hints(kind)
-    return kind(
-        **{
-            name: from_arrays(arrays, hints[name], origin, f"{prefix}{name}.")
-            if hasattr(hints[name], "_fields")
-            else pick(arrays, prefix + name, origin)
-            for name in kind._fields  # type: ignore[attr-defined]
-        }
-    )
+    return kind(**{name: value(name, hints[name]) for name in kind._fields})  # type: ignore[attr-defined]
 
 
 def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree:

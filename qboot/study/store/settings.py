@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
-from qboot.neuroevolution.dnn import Topology
-from qboot.neuroevolution.evolve import EvolutionSettings
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 
 
@@ -25,7 +25,7 @@ class RunSettings:
     """Name of the profile that the sizes come from."""
     n_steps: int
     """Steps of one rollout at most."""
-    topology: Topology
+    dnn: DnnSettings
     evolution: EvolutionSettings
     actions: ActionSettings
     sensors: SensorSettings

@@ -1,0 +1,55 @@
+"""The evolutionary algorithms by name. Another one is a file with the functions of `Algorithm`, and a row here."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from qboot.neuroevolution import evolve
+from qboot.neuroevolution.dnn import Genome
+from qboot.neuroevolution.lineage import Individuals
+from qboot.neuroevolution.problem import EvolveInfo, Problem
+
+State = Any  # an algorithm's own tuple of arrays; it has the field `generation`, an int
+
+
+class Algorithm(NamedTuple):
+    """A search for policies, as pure functions of a problem and a state.
+
+    Everything random comes from the problem's key, by names and by numbers that the state holds, so that a run resumed
+    from a saved state goes on as if it had never stopped. Individuals are evaluated by `evaluate_individuals`, so that
+    those of the lineage can be replayed from the starts of their birth.
+    """
+
+    state: type
+    """The named tuple, of arrays, numbers and named tuples, that its states are."""
+
+    init: Callable[[Problem, Genome | None], tuple[State, EvolveInfo]]
+    """(problem, front) -> state of generation 0. `front` (F, ...) holds the networks to start from, None for none."""
+
+    step: Callable[[Problem, State], tuple[State, EvolveInfo]]
+    """(problem, state) -> state of the next generation."""
+
+    best_lineage: Callable[[Problem, State], Individuals]
+    """(problem, state) -> the best individual so far, last, and what it came from, oldest first: the policies whose
+    traces are learned from, `settings.horizon` at most (section IV-A)."""
+
+    pareto_front: Callable[[State], Individuals]
+    """(state) -> the individuals that ER + transfer starts from (section IV-F)."""
+
+    condensed: Callable[[State], State]
+    """(state) -> what must be saved of it: large parts that can be computed again are left out."""
+
+    restored: Callable[[Problem, State], State]
+    """(problem, condensed state) -> the state, to the bit."""
+
+
+ALGORITHMS = {
+    "nsga2": Algorithm(
+        evolve.EvolveState,
+        evolve.init,
+        evolve.step,
+        evolve.best_lineage,
+        evolve.pareto_front,
+        evolve.condensed,
+        evolve.restored,
+    ),
+}
