@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from qboot.qlearning.acting import epsilon, run_rollout
-from qboot.qlearning.problem import Problem, assert_shapes, trajectory_capacity
+from qboot.qlearning.problem import Problem, assert_shapes, networks_template, trajectory_capacity
 from qboot.qlearning.replay import Trajectory, empty_store, keep_best
 
 
@@ -28,7 +28,10 @@ class LearnerState(NamedTuple):
 
 
 class EpisodeInfo(NamedTuple):
-    """What happened in one episode. The last two are not finite once the learner has diverged."""
+    """What happened in one episode; `learn` stacks those of all its episodes on a leading axis.
+
+    The last two are not finite once the learner has diverged.
+    """
 
     score: jax.Array  # (D,) number of rewards received
     discounted_return: jax.Array  # (D,) sum over the rollouts of their discounted returns
@@ -53,16 +56,13 @@ def init(key: jax.Array, problem: Problem, capacity: int | None = None, networks
         ValueError: if the networks do not fit the problem.
     """
     assert_shapes(problem)
-    settings = problem.settings
-    new = partial(problem.learner.init, n_actions=problem.n_actions, n_inputs=problem.n_inputs, hidden=settings.hidden)
-    networks_key = jax.random.fold_in(key, 0)
     if networks is None:
-        networks = new(networks_key)
-    expected, found = (jax.tree.map(jnp.shape, some) for some in (jax.eval_shape(new, networks_key), networks))
+        networks = problem.new_networks(jax.random.fold_in(key, 0))
+    expected, found = (jax.tree.map(jnp.shape, some) for some in (networks_template(problem), networks))
     if found != expected:
         raise ValueError(f"the networks must have the shapes {expected}, got {found}.")
     capacity = trajectory_capacity(problem) if capacity is None else capacity
-    store = empty_store(problem.n_domains, settings.eta, capacity, problem.n_inputs)
+    store = empty_store(problem.n_domains, problem.settings.eta, capacity, problem.n_inputs)
     return LearnerState(networks, store, jnp.int32(0), jax.random.fold_in(key, 1))
 
 

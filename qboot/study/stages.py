@@ -7,6 +7,7 @@ was interrupted or how many workers it had.
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -23,7 +24,7 @@ from qboot.neuroevolution.behaviour import STATES
 from qboot.neuroevolution.dnn import Genome
 from qboot.neuroevolution.evolve import EvolveInfo, EvolveState, Problem
 from qboot.neuroevolution.lineage import Individuals, best_of, lineage
-from qboot.qlearning import InputSet, QNetworks, input_set
+from qboot.qlearning import InputSet, input_set
 from qboot.study import files, learning
 from qboot.study.files import RunError
 from qboot.study.progress import Progress
@@ -212,9 +213,10 @@ def read_inputs(run: Run) -> InputSet:
     return input_set(read_selection(run))
 
 
-def read_networks(run: Run) -> QNetworks:
-    """The Q-networks learned on the source set."""
-    template = QNetworks(*range(len(QNetworks._fields)))
+def read_networks(run: Run) -> Any:
+    """The learner's networks as learned on the source set."""
+    problem = learning_problem(run, task_of(run).source_domains(run.settings.source))
+    template = qlearning.networks_template(problem)
     return files.from_arrays(files.read_npz(run.file("qnets.npz")), template, run.file("qnets.npz"))
 
 
@@ -231,7 +233,7 @@ def _problem(run: Run, domains: Domain, purpose: str, workers: int) -> Problem:
     return Problem(task_of(run), domains, settings.evolution, settings.topology, key_of(run, purpose), workers)
 
 
-def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str, list]:
+def _generalisation(run: Run, domains: Domain, networks: Any) -> dict[str, list]:
     """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))
@@ -294,8 +296,8 @@ def _learned(
     n_episodes: int,
     name: str,
     history_name: str,
-    networks: QNetworks | None = None,
-) -> QNetworks:
+    networks: Any = None,
+) -> Any:
     """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over."""
     problem = learning_problem(run, domains)
     state = qlearning.init(key_of(run, purpose), problem, networks=networks)
