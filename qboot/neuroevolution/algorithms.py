@@ -44,12 +44,12 @@ class Algorithm(NamedTuple):
 
 ALGORITHMS = {
     "nsga2": Algorithm(
-        evolve.EvolveState,
-        evolve.init,
-        evolve.step,
-        evolve.best_lineage,
-        evolve.pareto_front,
-        evolve.condensed,
-        evolve.restored,
+        state=evolve.EvolveState,
+        init=evolve.init,
+        step=evolve.step,
+        best_lineage=evolve.best_lineage,
+        pareto_front=evolve.pareto_front,
+        condensed=evolve.condensed,
+        restored=evolve.restored,
     ),
 }

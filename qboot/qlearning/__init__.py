@@ -6,7 +6,7 @@ from qboot.qlearning.learner import EpisodeInfo, LearnerState, init, learn
 from qboot.qlearning.learners import LEARNERS, Learner
 from qboot.qlearning.networks import QNetworks, init_networks, q_value, q_values
 from qboot.qlearning.policy import Rollout, evaluate, rollout
-from qboot.qlearning.problem import Problem, check_problem, trajectory_capacity
+from qboot.qlearning.problem import Problem, check_problem, networks_template, trajectory_capacity
 from qboot.qlearning.rewards import smdp_target
 from qboot.qlearning.settings import LearnerSettings
 
@@ -27,6 +27,7 @@ __all__ = [
     "init_networks",
     "input_set",
     "learn",
+    "networks_template",
     "q_value",
     "q_values",
     "rollout",

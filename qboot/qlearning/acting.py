@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from qboot import keys
 from qboot.envs.task import Domain
 from qboot.qlearning import replay
 from qboot.qlearning.batching import any_in_batch
@@ -48,10 +49,9 @@ def choose(key: jax.Array, values: jax.Array, action_mask: jax.Array, exploratio
         action_mask: (A,) bool, the actions to choose from; at least one.
         exploration: () probability of a random action.
     """
-    explore_key, action_key = jax.random.split(key)
-    nth = jax.random.randint(action_key, (), 0, jnp.sum(action_mask))
+    nth = jax.random.randint(keys.key(key, "action"), (), 0, jnp.sum(action_mask))
     explored = jnp.argmax(jnp.cumsum(action_mask) > nth)
-    return jnp.where(jax.random.uniform(explore_key) < exploration, explored, greedy(values, action_mask))
+    return jnp.where(jax.random.uniform(keys.key(key, "explore")) < exploration, explored, greedy(values, action_mask))
 
 
 def greedy(values: jax.Array, action_mask: jax.Array) -> jax.Array:
@@ -73,11 +73,11 @@ def run_rollout(
         capacity: decisions that the trajectory has room for; acting ends there.
     """
     action_mask = problem.action_mask
-    reset_key, action_key = jax.random.split(key)
+    decisions_key = keys.key(key, "decisions")
 
     def decide(acting: Acting) -> Acting:
         active = is_ongoing(problem.task, acting.smdp)
-        action = choose(jax.random.fold_in(action_key, acting.decision), acting.values, action_mask, exploration)
+        action = choose(jax.random.fold_in(decisions_key, acting.decision), acting.values, action_mask, exploration)
         smdp, discounted, reward = execute(problem, domain, action, acting.smdp)
         next_inputs = read_inputs(problem.inputs, smdp.history, problem.settings)
         terminal = ~is_ongoing(problem.task, smdp)
@@ -105,7 +105,7 @@ def run_rollout(
     def is_running(acting: Acting) -> jax.Array:
         return any_in_batch(is_ongoing(problem.task, acting.smdp)) & (acting.decision < capacity)
 
-    smdp = start_rollout(reset_key, problem, domain)
+    smdp = start_rollout(keys.key(key, "reset"), problem, domain)
     first_inputs = read_inputs(problem.inputs, smdp.history, problem.settings)
     trajectory = replay.empty_trajectory(capacity, first_inputs.size)
     zero = jnp.float32(0)

@@ -13,8 +13,9 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from qboot import keys
 from qboot.qlearning.acting import epsilon, run_rollout
-from qboot.qlearning.problem import Problem, assert_shapes, trajectory_capacity
+from qboot.qlearning.problem import Problem, assert_shapes, networks_template, trajectory_capacity
 from qboot.qlearning.replay import Trajectory, empty_store, keep_best
 
 
@@ -28,7 +29,10 @@ class LearnerState(NamedTuple):
 
 
 class EpisodeInfo(NamedTuple):
-    """What happened in one episode. The last two are not finite once the learner has diverged."""
+    """What happened in one episode; `learn` stacks those of all its episodes on a leading axis.
+
+    The last two are not finite once the learner has diverged.
+    """
 
     score: jax.Array  # (D,) number of rewards received
     discounted_return: jax.Array  # (D,) sum over the rollouts of their discounted returns
@@ -53,17 +57,14 @@ def init(key: jax.Array, problem: Problem, capacity: int | None = None, networks
         ValueError: if the networks do not fit the problem.
     """
     assert_shapes(problem)
-    settings = problem.settings
-    new = partial(problem.learner.init, n_actions=problem.n_actions, n_inputs=problem.n_inputs, hidden=settings.hidden)
-    networks_key = jax.random.fold_in(key, 0)
     if networks is None:
-        networks = new(networks_key)
-    expected, found = (jax.tree.map(jnp.shape, some) for some in (jax.eval_shape(new, networks_key), networks))
+        networks = problem.new_networks(keys.key(key, "networks"))
+    expected, found = (jax.tree.map(jnp.shape, some) for some in (networks_template(problem), networks))
     if found != expected:
         raise ValueError(f"the networks must have the shapes {expected}, got {found}.")
     capacity = trajectory_capacity(problem) if capacity is None else capacity
-    store = empty_store(problem.n_domains, settings.eta, capacity, problem.n_inputs)
-    return LearnerState(networks, store, jnp.int32(0), jax.random.fold_in(key, 1))
+    store = empty_store(problem.n_domains, problem.settings.eta, capacity, problem.n_inputs)
+    return LearnerState(networks, store, jnp.int32(0), keys.key(key, "episodes"))
 
 
 @partial(jax.jit, static_argnames="n_episodes")
@@ -81,17 +82,17 @@ def learn(state: LearnerState, problem: Problem, n_episodes: int) -> tuple[Learn
     """
     assert_shapes(problem)
     settings, task = problem.settings, problem.task
-    n_rollouts = problem.n_rollouts
     capacity = state.store.actions.shape[-1]
 
     def episode(state: LearnerState, _: None) -> tuple[LearnerState, EpisodeInfo]:
         key = jax.random.fold_in(state.key, state.episode)
+        rollouts_key = keys.key(key, "rollouts")
         exploration = epsilon(state.episode, settings)
 
         def rollout(carry: tuple[Any, Trajectory], index: jax.Array) -> tuple:
             networks, store = carry
             place = problem.place(index)
-            rollout_key = jax.random.fold_in(key, index)
+            rollout_key = jax.random.fold_in(rollouts_key, index)
             ended = run_rollout(networks, rollout_key, problem, problem.domain(place), exploration, capacity)
             store = keep_best(store, place, ended.trajectory)
             summary = (
@@ -104,10 +105,10 @@ def learn(state: LearnerState, problem: Problem, n_episodes: int) -> tuple[Learn
             )
             return (ended.networks, store), summary
 
-        (networks, store), summary = lax.scan(rollout, (state.networks, state.store), jnp.arange(n_rollouts))
+        (networks, store), summary = lax.scan(rollout, (state.networks, state.store), jnp.arange(problem.n_rollouts))
         *per_rollout, error_sums, largest_q = summary
         networks, replay_error_sum, replayed = problem.learner.replay(
-            networks, jax.random.fold_in(key, n_rollouts), store, problem.action_mask, settings.alpha
+            networks, keys.key(key, "replay"), store, problem.action_mask, settings.alpha
         )
         score, discounted_return, steps, decisions = (
             jnp.sum(leaf.reshape(problem.n_domains, -1), axis=1) for leaf in per_rollout

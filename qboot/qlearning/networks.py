@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import optax
 from jax import lax
 
+from qboot import keys
+
 STEEPNESS = 0.5  # of every neuron, as in the FANN library that the authors used
 INITIAL_WEIGHT = 0.1  # weights and biases start uniform in [-0.1, 0.1]
 
@@ -35,20 +37,19 @@ def init_networks(key: jax.Array, n_actions: int, n_inputs: int, hidden: int) ->
     """
     draw = partial(jax.random.uniform, minval=-INITIAL_WEIGHT, maxval=INITIAL_WEIGHT)
 
-    def keys(key: jax.Array, n: int) -> jax.Array:
+    def numbered(key: jax.Array, n: int) -> jax.Array:
         return jax.vmap(partial(jax.random.fold_in, key))(jnp.arange(n))
 
     def network(key: jax.Array) -> QNetworks:
-        input_key, bias_key, output_key, output_bias_key = jax.random.split(key, 4)
-        columns = jax.vmap(lambda key: draw(key, (hidden,)))(keys(input_key, n_inputs))
+        columns = jax.vmap(lambda key: draw(key, (hidden,)))(numbered(keys.key(key, "hidden weights"), n_inputs))
         return QNetworks(
             hidden_weights=columns.T,
-            hidden_biases=draw(bias_key, (hidden,)),
-            output_weights=draw(output_key, (hidden,)),
-            output_biases=draw(output_bias_key),
+            hidden_biases=draw(keys.key(key, "hidden biases"), (hidden,)),
+            output_weights=draw(keys.key(key, "output weights"), (hidden,)),
+            output_biases=draw(keys.key(key, "output bias")),
         )
 
-    return jax.vmap(network)(keys(key, n_actions))
+    return jax.vmap(network)(numbered(key, n_actions))
 
 
 def q_value(network: QNetworks, inputs: jax.Array) -> jax.Array:

@@ -1,6 +1,7 @@
 """What a learner is to learn, with what, and how: all that stays the same from episode to episode."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import chex
 import jax
@@ -54,6 +55,10 @@ class Problem:
         """D."""
         return jax.tree.leaves(self.domains)[0].shape[0]
 
+    def new_networks(self, key: jax.Array) -> Any:
+        """Networks that have learned nothing."""
+        return self.learner.init(key, self.n_actions, self.n_inputs, self.settings.hidden)
+
     @property
     def n_rollouts(self) -> int:
         """Rollouts of one episode; those in one domain follow each other."""
@@ -79,6 +84,11 @@ def assert_shapes(problem: Problem) -> None:
     chex.assert_shape(actions.durations, (problem.n_actions,))
     chex.assert_shape(list(inputs), (problem.n_inputs,))
     chex.assert_tree_shape_prefix(problem.domains, (problem.n_domains,))
+
+
+def networks_template(problem: Problem) -> Any:
+    """Structure, shapes and types of a problem's networks, as a tree of `jax.ShapeDtypeStruct`."""
+    return jax.eval_shape(problem.new_networks, jax.random.key(0))
 
 
 def check_problem(problem: Problem) -> None:

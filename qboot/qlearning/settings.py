@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 
 from qboot.qlearning.learners import LEARNERS
 
@@ -59,7 +60,7 @@ class LearnerSettings:
             raise ValueError(f"alpha must be positive and finite, got {self.alpha}.")
         for name, least in (("hidden", 1), ("lags", 1), ("eta", 0)):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
+            if not isinstance(value, Integral) or value < least:
                 raise ValueError(f"{name} must be a whole number, at least {least}, got {value}.")
         if len(self.input_range) != 2 or not -math.inf < self.input_range[0] < self.input_range[1] < math.inf:
             raise ValueError(f"input_range must be (low, high), finite, with low < high, got {self.input_range}.")

@@ -1,7 +1,7 @@
 """The stage learn, and Q-learning wherever a run needs it."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,7 +9,6 @@ from qboot import qlearning
 from qboot.envs.task import Domain
 from qboot.qlearning import Problem
 from qboot.qlearning.learner import EpisodeInfo, LearnerState
-from qboot.qlearning.networks import QNetworks
 from qboot.study.pipeline import loop
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
@@ -60,9 +59,9 @@ def learned(
     n_episodes: int,
     name: str,
     history_name: str,
-    networks: QNetworks | None = None,
-) -> QNetworks:
-    """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over."""
+    networks: Any = None,
+) -> Any:
+    """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over; the networks."""
     problem = problem_on(run, domains)
     state = qlearning.init(key_of(run, purpose), problem, networks=networks)
     checkpoint = run.file(f"{name}.checkpoint.npz")

@@ -1,12 +1,13 @@
 """The stage transfer: the target set, without learning there and with it (sections V-B3 and VI-B3)."""
 
+from typing import Any
+
 import numpy as np
 
 from qboot import qlearning
 from qboot.envs.task import Domain
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.recorders import STATES
-from qboot.qlearning.networks import QNetworks
 from qboot.study.pipeline.evolving import evolved, problem_on
 from qboot.study.pipeline.learning import learned
 from qboot.study.pipeline.learning import problem_on as learning_problem_on
@@ -32,7 +33,7 @@ PARTS = {
 def transfer_stage(run: Run[RunSettings], workers: int) -> None:
     """The target set: generalisation.csv without learning, then transfer.csv with Q-learning, ER, ER + transfer."""
     domains = task_of(run).target_domains(run.settings.source)
-    networks = read_networks(run)
+    networks = read_networks(run, learning_problem_on(run, domains))
     if not run.file("generalisation.csv").exists():
         files.write_csv(run.file("generalisation.csv"), _generalisation(run, domains, networks))
     if not run.file("target_learn.csv").exists():
@@ -52,7 +53,7 @@ def transfer_stage(run: Run[RunSettings], workers: int) -> None:
     files.write_csv(run.file("transfer.csv"), rows)
 
 
-def _generalisation(run: Run[RunSettings], domains: Domain, networks: QNetworks) -> dict[str, list]:
+def _generalisation(run: Run[RunSettings], domains: Domain, networks: Any) -> dict[str, list]:
     """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
     task, key = task_of(run), key_of(run, "tests")
     best = read_lineage(run).take(slice(-1, None))

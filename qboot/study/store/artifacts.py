@@ -1,5 +1,7 @@
 """What the files of a run hold, as the values that the method works with."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
@@ -9,7 +11,7 @@ from qboot.extraction.actions import ActionSet
 from qboot.keys import key
 from qboot.neuroevolution.lineage import Individuals
 from qboot.qlearning.inputs import InputSet, input_set
-from qboot.qlearning.networks import QNetworks
+from qboot.qlearning.problem import Problem, networks_template
 from qboot.study.store import files
 from qboot.study.store.runs import AnyRun
 
@@ -49,6 +51,6 @@ def read_inputs(run: AnyRun) -> InputSet:
     return input_set(read_selection(run))
 
 
-def read_networks(run: AnyRun) -> QNetworks:
-    """The Q-networks learned on the source set."""
-    return files.from_arrays(files.read_npz(run.file("qnets.npz")), QNetworks, run.file("qnets.npz"))
+def read_networks(run: AnyRun, problem: Problem) -> Any:
+    """The networks learned on the source set, of the kind and shapes that the learner of `problem` has."""
+    return files.like(files.read_npz(run.file("qnets.npz")), networks_template(problem), run.file("qnets.npz"))

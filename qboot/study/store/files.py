@@ -117,13 +117,15 @@ def from_arrays(arrays: Mapping[str, np.ndarray], kind: type[Tree], origin: Path
 def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree:
     """The tree of the structure, shapes and kinds of `template` out of named arrays read from `origin`.
 
+    The leaves of the template are arrays, or `jax.ShapeDtypeStruct`.
+
     Raises:
         RunError: if an array is missing or of another shape, as in a file made with other settings.
     """
     leaves, structure = jax.tree_util.tree_flatten_with_path(template)
     found = []
     for keys, leaf in leaves:
-        name, expected = _name(keys), np.asarray(_raw(leaf))
+        name, expected = _name(keys), _raw(leaf)
         array = pick(arrays, name, origin)
         if array.shape != expected.shape or array.dtype != expected.dtype:
             raise RunError(
