@@ -1,4 +1,4 @@
-"""Tests played again and recorded state by state: by the best evolved network, and by the greedy Q-policy."""
+"""Rollouts played again and recorded state by state: by the best evolved network, and by the greedy Q-policy."""
 
 from typing import Any, NamedTuple
 
@@ -13,18 +13,19 @@ from qboot.study.pipeline.evolving import source_problem
 from qboot.study.pipeline.learning import problem_on as learning_problem
 from qboot.study.store.artifacts import key_of, read_lineage, read_networks, task_of
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 
 class Recording(NamedTuple):
-    """One test of T steps, as NumPy arrays."""
+    """One rollout of T timesteps, as NumPy arrays."""
 
     domain: Domain
     states: Any  # (T + 1, ...) of the task: before each step, and at the end
     actions: np.ndarray | None  # (T,) int32 action of the Q-learner in force; None for a network
 
 
-def evolved(run: Run) -> list[Recording]:
-    """The best-of-run network in each source domain (its first test there), as it was evaluated at its birth."""
+def evolved(run: Run[RunSettings]) -> list[Recording]:
+    """The best-of-run network in each source domain (its first rollout there), as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
     keys = evolve.evaluation_keys(problem, best, best.births)
@@ -42,8 +43,8 @@ def evolved(run: Run) -> list[Recording]:
     ]
 
 
-def learned(run: Run) -> list[Recording]:
-    """The greedy Q-policy in each source domain (its first test there)."""
+def learned(run: Run[RunSettings]) -> list[Recording]:
+    """The greedy Q-policy in each source domain (its first rollout there)."""
     task = task_of(run)
     problem = learning_problem(run, task.source_domains(run.settings.source))
     networks, key = read_networks(run), key_of(run, "tests")
