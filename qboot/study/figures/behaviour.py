@@ -73,7 +73,8 @@ def _told(run: Run[RunSettings], found: list[Recording]) -> str:
     """Scores and lengths of rollouts in words."""
     task = task_of(run)
     return ", ".join(
-        f"{recordings.scores(task, recording)[-1]:g} in {len(recording.states.reward) - 1:,} timesteps of domain {place}"
+        f"{recordings.scores(task, recording)[-1]:g} in {len(recording.states.reward) - 1:,} timesteps "
+        f"of domain {place}"
         for place, recording in enumerate(found)
     )
 

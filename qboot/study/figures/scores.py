@@ -1,4 +1,4 @@
-"""Figures of scores: learning on the source set (figures 6 and 14 of the paper), generalisation, learning on the target."""
+"""Figures of scores: learning on the source set, generalisation, learning on the target set (figures 6, 8, 9, 14 to 16)."""
 
 from collections.abc import Callable
 

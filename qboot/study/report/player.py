@@ -1,6 +1,7 @@
 """Rollouts as moving pictures with a slider, drawn in the browser on a canvas from numbers in the page."""
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What the report says on one task: parts with a heading each, those alone for which the study or a paper has something."""
+"""What the report says on one task: parts with a heading each; what there is nothing for has none."""
 
 import base64
 import contextlib
