@@ -1,4 +1,4 @@
-"""Figures of scores: learning on the source set, generalisation, learning on the target set (figures 6, 8, 9, 14 to 16)."""
+"""Figures of scores: learning on the source set and on the target set, and scores there without learning."""
 
 from collections.abc import Callable
 
