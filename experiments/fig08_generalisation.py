@@ -5,7 +5,7 @@ python experiments/fig08_generalisation.py RESULTS_FOLDER [--out FILE.png]
 
 import sys
 
-from qboot.study.figures.catalogue.catalogue import command
+from qboot.study.figures.catalogue import command
 
 if __name__ == "__main__":
     sys.exit(command(8))

@@ -5,7 +5,7 @@ python experiments/fig18_sensors.py RESULTS_FOLDER [--task TASK] [--out FILE.png
 
 import sys
 
-from qboot.study.figures.catalogue.catalogue import ablation_command
+from qboot.study.figures.catalogue import command
 
 if __name__ == "__main__":
-    sys.exit(ablation_command(18))
+    sys.exit(command(18))

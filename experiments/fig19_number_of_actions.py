@@ -5,7 +5,7 @@ python experiments/fig19_number_of_actions.py RESULTS_FOLDER [--task TASK] [--ou
 
 import sys
 
-from qboot.study.figures.catalogue.catalogue import ablation_command
+from qboot.study.figures.catalogue import command
 
 if __name__ == "__main__":
-    sys.exit(ablation_command(19))
+    sys.exit(command(19))

@@ -4,33 +4,41 @@ python experiments/results_table.py RESULTS_FOLDER
 """
 
 import argparse
-import itertools
+import math
 import sys
 from pathlib import Path
 
 import numpy as np
-from qboot.study.report.page.page import as_number
 
 from qboot.study.analysis import appendix
 from qboot.study.analysis.appendix import Table
 from qboot.study.analysis.control_measures import average_performance, n_inputs, performance, steps
-from qboot.study.analysis.curves import runs_below
-from qboot.study.analysis.measures import MEASURES
+from qboot.study.analysis.curves import top_score
+from qboot.study.analysis.measures import RUN_MEASURES
 from qboot.study.analysis.statistics import quartiles
-from qboot.study.controls import conditions as ablations
-from qboot.study.store import files
+from qboot.study.controls.cells import find
+from qboot.study.controls.conditions import WHATS
+from qboot.study.report.templating import as_number, as_title
+from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings, RunSettings
 
 # What is measured of learning in new domains.
-ON_TARGET = [name for name in MEASURES if name.endswith(", target")]
-# Scores whose first time is given: two of evolution, one of Q-learning.
-GOALS = {"ball_collecting": (7, 8, 6), "box_pushing": (13, 15, 13)}
+ON_TARGET = [name for name in RUN_MEASURES if name.endswith(", target")]
+# Shares of the top score whose first time is given too: one of evolution, one of Q-learning.
+HIGH, LEARNED = 0.85, 0.75
 
 
-def header(task: str) -> list[str]:
-    """The columns of a task's table."""
-    high, top, learned = GOALS[task]
+def goals(run: Run[RunSettings]) -> tuple[int, int, int]:
+    """Scores whose first time is given: two of evolution, one of Q-learning."""
+    top = int(top_score(run, "source"))
+    return math.ceil(HIGH * top), top, math.ceil(LEARNED * top)
+
+
+def header(run: Run[RunSettings]) -> list[str]:
+    """The columns of the table of a task that `run` is of."""
+    high, top, learned = goals(run)
     return [
         "run", f"generations to {high}", f"to {top}", "last best", "lineage", "segments", "durations", "inputs",
         "QL best", f"episodes to {learned}", "QL mean of last 100", "ER on new domains", "QL on new domains",
@@ -43,9 +51,9 @@ def first_at_least(values: list[str], score: float, positions: list[str]) -> str
     return reached[0] if reached else "-"
 
 
-def row(run: Run) -> list[str]:
+def row(run: Run[RunSettings]) -> list[str]:
     """The cells of a run; stages that were not done leave dashes."""
-    high, top, learned = GOALS[run.settings.task]
+    high, top, learned = goals(run)
     history = files.read_csv(run.file("history.csv"))
     cells = [
         f"{run.settings.source}-{run.settings.seed}",
@@ -69,10 +77,10 @@ def row(run: Run) -> list[str]:
         for method in ("ER", "QL"):
             values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
             cells.append(f"{sum(values):g}")
-    return cells + ["-"] * (len(header(run.settings.task)) - len(cells))
+    return cells + ["-"] * (len(header(run)) - len(cells))
 
 
-def transfer_table(some: list[Run]) -> list[list[str]]:
+def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
     """Learning in new domains, a line for each measure and a column for each run that has it."""
     done = [run for run in some if run.file("transfer.csv").exists()]
     if not done:
@@ -80,7 +88,7 @@ def transfer_table(some: list[Run]) -> list[list[str]]:
     lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
     lines.append(["---"] * len(lines[0]))
     for name in ON_TARGET:
-        values = [float(MEASURES[name].read(run).values[0]) for run in done]
+        values = [float(RUN_MEASURES[name].read(run).values[0]) for run in done]
         lines.append([name.removesuffix(", target"), *(as_number(v) if np.isfinite(v) else "-" for v in values)])
     return lines
 
@@ -91,7 +99,7 @@ def in_short(values: list[float]) -> str:
     return f"{as_number(median)} ({as_number(lower)} to {as_number(upper)})"
 
 
-def control_table(cells: dict[str, list[Run]]) -> list[list[str]]:
+def control_table(cells: dict[str, list[Run[CellSettings]]]) -> list[list[str]]:
     """Conditions of one control experiment, a line each: medians and quartiles over learners."""
     measures = {
         "final performance": performance,
@@ -117,7 +125,7 @@ def test_table(tables: list[Table]) -> list[list[str]]:
             if min(pair.n_cells):
                 low, high = pair.interval
                 a12 = f"{pair.comparison.a12:.2f} [{low:.2f}, {high:.2f}]"
-                printed = ", ".join(f"{value:.2g}" for value in pair.printed) or "-"
+                printed = ", ".join(f"{value:.2g}" for value in pair.printed or ()) or "-"
                 name = f"{first} - {second}"
                 lines.append(
                     [table.table.title, str(table.episodes), name, a12, f"{pair.comparison.p_value:.2g}", printed]
@@ -127,14 +135,21 @@ def test_table(tables: list[Table]) -> list[list[str]]:
 
 def of_study(study: Path) -> dict[str, list[list[str]]]:
     """All tables of a study by what they are about."""
+    by_task: dict[str, list[Run[RunSettings]]] = {}
+    readable, unreadable = runs.runs_below(study)
+    for reason in unreadable:
+        print(f"left out: {reason}", file=sys.stderr)
+    for run in readable:
+        by_task.setdefault(run.task_name, []).append(run)
     found = {}
-    for task, group in itertools.groupby(runs_below(study), key=lambda run: run.settings.task):
-        some = list(group)
-        name = task.replace("_", " ").capitalize()
-        found[f"{name}: runs"] = [header(task), ["---"] * len(header(task)), *(row(run) for run in some)]
+    for task_name, some in by_task.items():
+        name = as_title(task_name)
+        evolved = [run for run in some if run.file("history.csv").exists()]
+        columns = header(some[0])
+        found[f"{name}: runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
         if transferred := transfer_table(some):
             found[f"{name}: learning in new domains"] = transferred
-        cells = {what: ablations.find(study, task, what) for what in ablations.WHATS}
+        cells = {what: find(study, some[0].settings.task, what) for what in WHATS}
         for what, of_experiment in cells.items():
             if of_experiment:
                 found[f"{name}: {what.replace('n_', 'number of ')}"] = control_table(of_experiment)

@@ -1,12 +1,16 @@
-"""Appendix A on our cells: Mann-Whitney tests between the conditions of the control experiments, beside the paper's."""
+"""Appendix A on our cells: Mann-Whitney tests between the conditions of the control experiments, beside the paper's.
 
+Where no paper tells of a task, its conditions are compared all the same, without verdicts.
+"""
+
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 
-from qboot.study.analysis import paper, verdicts
-from qboot.study.analysis.control_measures import MEASURES
-from qboot.study.analysis.paper import ControlConclusion, TestTable
+from qboot.study.analysis import verdicts
+from qboot.study.analysis.control_measures import CONTROL_MEASURES
+from qboot.study.analysis.printed import ControlConclusion, TestTable
 from qboot.study.analysis.statistics import Comparison, a12_interval, mann_whitney
 from qboot.study.analysis.verdicts import (
     AGREES,
@@ -14,12 +18,15 @@ from qboot.study.analysis.verdicts import (
     MIN_RUNS,
     NO_DATA,
     NO_NUMBER,
+    NO_PAPER,
     NOT_COMPARABLE,
     SIGNIFICANCE,
     Finding,
 )
 from qboot.study.pipeline import profiles
+from qboot.study.store.artifacts import task_of
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings, RunSettings
 
 # The paper's number of learners per condition: fewer can show a difference, but not that there is none.
 PAPER_RUNS = 30
@@ -35,7 +42,7 @@ RULES = (
     "do not lie on one side of the threshold, there is no verdict.",
 )
 
-Cells = dict[str, list[Run]]  # finished cells of one experiment by condition
+Cells = dict[str, list[Run[CellSettings]]]  # finished cells of one experiment by condition
 
 
 class Pair(NamedTuple):
@@ -45,7 +52,7 @@ class Pair(NamedTuple):
     medians: tuple[float, float]  # NaN where there are no cells
     comparison: Comparison
     interval: tuple[float, float]  # 95 % bootstrap interval of A12
-    printed: tuple[float, ...]  # the paper's p-values
+    printed: tuple[float, ...] | None  # the paper's p-values; None without a paper
     verdict: str
 
 
@@ -58,31 +65,36 @@ class Table(NamedTuple):
     pairs: dict[tuple[str, str], Pair]
 
 
-def tables(cells: dict[str, Cells], some: list[Run]) -> list[Table]:
-    """The tables of a task.
+def tables(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Table]:
+    """The tables of a task: the paper's, or, where none tells of it, one of each experiment's performance.
 
     Args:
-        cells: finished cells of each experiment (`ablations.find`).
+        cells: finished cells of each experiment by its name.
         some: all runs of the task in the study, at least one.
     """
+    paper = task_of(some[0]).paper
+    wanted = paper().test_tables if paper else _own_tables(cells)
     found = []
-    for table in paper.TEST_TABLES[some[0].settings.task]:
+    for table in wanted:
         of_table = cells[table.what]
         comparable = has_sizes(of_table, some)
         found += [_table(table, share, of_table, comparable) for share in table.shares]
     return found
 
 
-def findings(cells: dict[str, Cells], some: list[Run]) -> list[Finding]:
+def findings(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Finding]:
     """The paper's conclusions from a task's control experiments, tested on our cells; arguments as for `tables`."""
-    conclusions = paper.CONTROL_CONCLUSIONS[some[0].settings.task]
+    paper = task_of(some[0]).paper
+    conclusions = paper().control_conclusions if paper else ()
     return [_finding(each, cells[each.what], has_sizes(cells[each.what], some)) for each in conclusions]
 
 
-def judge(p_value: float, printed: tuple[float, ...], n_cells: int, comparable: bool) -> str:
+def judge(p_value: float, printed: tuple[float, ...] | None, n_cells: int, comparable: bool) -> str:
     """The verdict on a pair by `RULES`; `n_cells` of the smaller sample."""
     if not n_cells:
         return NO_DATA
+    if printed is None:
+        return NO_PAPER
     classes = {value < SIGNIFICANCE for value in printed}
     if len(classes) != 1:
         return NO_NUMBER if not classes else "the paper's own differ"
@@ -92,16 +104,31 @@ def judge(p_value: float, printed: tuple[float, ...], n_cells: int, comparable: 
     return AGREES if classes == {is_different} else DIFFERS
 
 
-def has_sizes(cells: Cells, some: list[Run]) -> bool:
+def has_sizes(cells: Cells, some: list[Run[RunSettings]]) -> bool:
     """Whether cells, and the evolved runs behind them, are at least as large as the paper's."""
     if not verdicts.has_sizes(some, ("population", "generations", "n_steps", "horizon")):
         return False
+    task = task_of(some[0])
     settings = [cell.settings for of_condition in cells.values() for cell in of_condition]
     return all(
-        each.episodes >= profiles.sweep_of(each.task, each.what, "paper").episodes
-        and each.n_steps >= profiles.size_of(each.task, "paper").n_steps
+        each.episodes >= profiles.control_size_of(task, each.what, "paper").episodes
+        and each.n_steps >= profiles.size_of(task, "paper").n_steps
         for each in settings
     )
+
+
+def _own_tables(cells: dict[str, Cells]) -> list[TestTable]:
+    return [
+        TestTable(
+            f"{what.replace('n_', 'number of ').capitalize()}: performance",
+            "",
+            what,
+            "performance",
+            {pair: None for pair in itertools.combinations(of_experiment, 2)},
+        )
+        for what, of_experiment in cells.items()
+        if len(of_experiment) > 1
+    ]
 
 
 def _table(table: TestTable, share: float, cells: Cells, comparable: bool) -> Table:
@@ -115,7 +142,7 @@ def _table(table: TestTable, share: float, cells: Cells, comparable: bool) -> Ta
     return Table(table, min(episodes, default=0), names, pairs)
 
 
-def _pair(first: np.ndarray, second: np.ndarray, printed: tuple[float, ...], comparable: bool) -> Pair:
+def _pair(first: np.ndarray, second: np.ndarray, printed: tuple[float, ...] | None, comparable: bool) -> Pair:
     n_cells = len(first), len(second)
     if not min(n_cells):
         return Pair(n_cells, (np.nan, np.nan), Comparison(np.nan, np.nan), (np.nan, np.nan), printed, NO_DATA)
@@ -138,4 +165,4 @@ def _finding(claim: ControlConclusion, cells: Cells, comparable: bool) -> Findin
 
 
 def _values(cells: Cells, condition: str, measure: str, share: float = 1.0) -> np.ndarray:
-    return np.array([MEASURES[measure](cell, share) for cell in cells.get(condition, [])])
+    return np.array([CONTROL_MEASURES[measure](cell, share) for cell in cells.get(condition, [])])

@@ -4,17 +4,16 @@
 ER+transfer (evolution from the source's Pareto front).
 """
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import numpy as np
 
-from qboot.study.pipeline.stages import task_of
-from qboot.study.store import files, runs
+from qboot.study.store import files
+from qboot.study.store.artifacts import task_of
 from qboot.study.store.files import RunError
-from qboot.study.store.runs import Run
+from qboot.study.store.runs import AnyRun, Run
+from qboot.study.store.settings import RunSettings
 
 METHODS = ("QL", "ER", "ER+transfer")
 # File and columns of a method's learning on the source set.
@@ -28,41 +27,7 @@ class Curve(NamedTuple):
     scores: np.ndarray  # (K,) best of the population (ER), or score of the episode (QL)
 
 
-class Gathered(NamedTuple):
-    """Something read from several runs."""
-
-    found: dict[Run, Any]  # the values
-    missing: dict[Run, str]  # why there is none
-
-
-def runs_below(folder: Path) -> list[Run]:
-    """All runs of a study, or the one run that `folder` is.
-
-    Raises:
-        RunError: if there is none.
-    """
-    if (folder / "config.json").exists():
-        return [runs.load(folder)]
-    found = runs.find(folder)
-    if not found:
-        raise RunError(
-            f"no runs below {folder}: give the folder of a study (FOLDER/TASK/SOURCE-SEED/config.json) or of a run"
-        )
-    return found
-
-
-def gather(some: list[Run], read: Callable[[Run], Any]) -> Gathered:
-    """Call `read` on each run; runs that lack what it needs are told apart."""
-    found, missing = {}, {}
-    for run in some:
-        try:
-            found[run] = read(run)
-        except RunError as error:
-            missing[run] = str(error)
-    return Gathered(found, missing)
-
-
-def columns(run: Run, file: str, *names: str) -> list[np.ndarray]:
+def columns(run: AnyRun, file: str, *names: str) -> list[np.ndarray]:
     """Columns (K,) of a CSV file of a run: numbers, or text where they are none.
 
     Raises:
@@ -75,12 +40,12 @@ def columns(run: Run, file: str, *names: str) -> list[np.ndarray]:
     return [_parsed(found[name]) for name in names]
 
 
-def source_curve(run: Run, method: str) -> Curve:
+def source_curve(run: AnyRun, method: str) -> Curve:
     """Learning on the source set by "ER" or "QL" (figures 6 and 14)."""
     return Curve(*columns(run, *_SOURCE[method]))
 
 
-def target_curve(run: Run, method: str) -> Curve:
+def target_curve(run: Run[RunSettings], method: str) -> Curve:
     """Learning on the target set by one of METHODS (figures 9 and 16)."""
     methods, episodes, scores = columns(run, "transfer.csv", "method", "episodes", "score")
     rows = methods == method
@@ -89,13 +54,13 @@ def target_curve(run: Run, method: str) -> Curve:
     return Curve(episodes[rows], scores[rows])
 
 
-def generalisation(run: Run, method: str) -> float:
+def generalisation(run: Run[RunSettings], method: str) -> float:
     """Score on the target set without learning there, summed over its domains, of "ER" or "QL" (figures 8 and 15)."""
     methods, scores = columns(run, "generalisation.csv", "method", "score")
     return float(scores[methods == method].sum())
 
 
-def top_score(run: Run, domains: str) -> float:
+def top_score(run: AnyRun, domains: str) -> float:
     """The greatest score possible on the "source" or "target" set of a run."""
     task = task_of(run)
     some = {"source": task.source_domains, "target": task.target_domains}[domains](run.settings.source)

@@ -16,10 +16,10 @@ from qboot.study.analysis.curves import (
     top_score,
 )
 from qboot.study.analysis.statistics import episodes_to, on_grid
-from qboot.study.pipeline.stages import read_actions, read_inputs, read_lineage
 from qboot.study.store import files
-from qboot.study.store.files import RunError
+from qboot.study.store.artifacts import read_actions, read_inputs, read_lineage
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 # A Q-learner's score varies from episode to episode, for it explores: its level is a mean over the last ones.
 WINDOW = 20
@@ -41,7 +41,7 @@ class Measure(NamedTuple):
     """How something is measured, and on which sizes of a study it depends."""
 
     unit: str
-    read: Callable[[Run], Sample]
+    read: Callable[[Run[RunSettings]], Sample]
     needs: tuple[str, ...]  # names of sizes (`qboot.study.analysis.sizes`)
 
 
@@ -54,20 +54,20 @@ def _one(value: float) -> Sample:
     return Sample(np.array([value], float))
 
 
-def _generations_to_top(run: Run) -> Sample:
+def _generations_to_top(run: Run[RunSettings]) -> Sample:
     curve = Curve(*columns(run, "history.csv", "generation", "best"))
     return time_to_top(curve, top_score(run, "source"))
 
 
-def _source_time(run: Run) -> Sample:
+def _source_time(run: Run[RunSettings]) -> Sample:
     return time_to_top(source_curve(run, "QL"), top_score(run, "source"))
 
 
-def _target_time(method: str, run: Run) -> Sample:
+def _target_time(method: str, run: Run[RunSettings]) -> Sample:
     return time_to_top(target_curve(run, method), top_score(run, "target"))
 
 
-def _target_score(method: str, run: Run) -> Sample:
+def _target_score(method: str, run: Run[RunSettings]) -> Sample:
     """Score when Q-learning ends: its level over the last episodes, or the best of ER's population by then."""
     learned = target_curve(run, "QL")
     if method == "QL":
@@ -77,17 +77,15 @@ def _target_score(method: str, run: Run) -> Sample:
     return _one(0.0 if np.isnan(score) else score)
 
 
-def _extraction(name: str, run: Run) -> Sample:
-    arrays = files.read_npz(run.file("actions.npz"))
-    if name not in arrays:
-        raise RunError(f"{run.file('actions.npz')} lacks {name}: it is not of this version; delete it and run again")
-    return _one(float(arrays[name]))
+def _extraction(name: str, run: Run[RunSettings]) -> Sample:
+    path = run.file("actions.npz")
+    return _one(float(files.pick(files.read_npz(path), name, path)))
 
 
 _EVOLVING = ("population", "generations", "n_steps")
 _LEARNING = (*_EVOLVING, "horizon", "episodes")
 
-MEASURES = {
+RUN_MEASURES = {
     "generations to the top score": Measure("generations", _generations_to_top, ("population", "n_steps")),
     "best score of ER on the source set": Measure(
         "score", lambda run: _one(source_curve(run, "ER").scores[-1]), _EVOLVING

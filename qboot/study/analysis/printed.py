@@ -11,7 +11,7 @@ from typing import NamedTuple
 class Result(NamedTuple):
     """One number of a paper over its runs."""
 
-    measure: str  # name in `qboot.study.analysis.measures.MEASURES`
+    measure: str  # name in `qboot.study.analysis.measures.RUN_MEASURES`
     section: str
     value: float | None  # None where the paper prints none
     lower: float | None = None
@@ -24,7 +24,7 @@ class Conclusion(NamedTuple):
 
     claim: str
     section: str
-    greater: str  # names in `qboot.study.analysis.measures.MEASURES`
+    greater: str  # names in `qboot.study.analysis.measures.RUN_MEASURES`
     smaller: str
     printed: str  # the paper's own test or numbers
 
@@ -35,8 +35,9 @@ class TestTable(NamedTuple):
     title: str
     section: str
     what: str  # the control experiment
-    measure: str  # name in `qboot.study.analysis.control_measures.MEASURES`
-    printed: dict[tuple[str, str], tuple[float, ...]]  # of two conditions; several where it is printed several times
+    measure: str  # name in `qboot.study.analysis.control_measures.CONTROL_MEASURES`
+    # Of two conditions: several where it is printed several times, none where there is no number, None without a paper.
+    printed: Mapping[tuple[str, str], tuple[float, ...] | None]
     shares: tuple[float, ...] = (1.0,)  # of the episodes, after which ours is tested
 
 
@@ -62,5 +63,5 @@ class Paper(NamedTuple):
     conclusions: tuple[Conclusion, ...]
     test_tables: tuple[TestTable, ...]
     control_conclusions: tuple[ControlConclusion, ...]
-    figures: Mapping[str, PrintedFigure]  # by name in `qboot.study.figures.catalogue.catalogue`
+    figures: Mapping[str, PrintedFigure]  # by name in `qboot.study.figures.catalogue`
     not_printed: tuple[str, ...] = ()  # sizes of the profile "paper" that the paper does not give

@@ -1,4 +1,4 @@
-"""The paper's figures on our runs: which there are, what they show, and how each is drawn (`experiments/fig*.py`)."""
+"""Which figures there are, by name, and what each needs; a paper's number and words come from the task's `paper`."""
 
 import argparse
 import io
@@ -10,181 +10,94 @@ from typing import NamedTuple
 import matplotlib
 from matplotlib.figure import Figure
 
-from qboot.envs import TASKS
-from qboot.study.analysis.curves import runs_below
-from qboot.study.controls import conditions as ablations
-from qboot.study.figures.catalogue import arm as figures_arm
-from qboot.study.figures.catalogue import behaviour as figures_behaviour
-from qboot.study.figures.catalogue import controls as figures_ablations
-from qboot.study.figures.catalogue import extraction as figures_extraction
-from qboot.study.figures.catalogue import scores as figures_scores
-from qboot.study.figures.catalogue.drawing import STYLE, Drawn
-from qboot.study.store import files
+from qboot.envs import get_task, names
+from qboot.envs.task import Task
+from qboot.study.analysis.printed import PrintedFigure
+from qboot.study.controls import cells
+from qboot.study.figures import behaviour, controls, environment, scores, segmentation
+from qboot.study.figures.drawing import STYLE, Drawn
+from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 DOTS_PER_INCH = 110
 
 
-class Plot(NamedTuple):
-    """A figure of the paper."""
+class RunPlot(NamedTuple):
+    """A figure on runs."""
 
     title: str
-    paper: str  # what the paper's figure shows
-    draw: Callable[[list[Run]], Drawn]  # from runs of one task, at least one
+    needs: Callable[[Task], object]  # what a task must have; the figure is left out where there is nothing
+    draw: Callable[[list[Run[RunSettings]]], Drawn]  # from runs of one task, at least one
 
 
-# Number in the paper to figure, per task: a task's further figures are further rows.
-PLOTS = {
-    "ball_collecting": {
-        3: Plot(
-            "How commands are cut into actions",
-            "200 steps of two motors, the mean of their second derivatives, the split points in green and the linear "
-            "models in red.",
-            figures_extraction.segmentation,
-        ),
-        4: Plot(
-            "The domains",
-            "Three arenas with three placements of robot, balls, switch and basket each.",
-            figures_behaviour.domains,
-        ),
-        5: Plot(
-            "A best network's behaviour",
-            "The path of a best individual, red while it carries a ball.",
-            figures_behaviour.evolved_behaviour,
-        ),
-        6: Plot(
-            "Learning on the source set",
-            "Median and quartiles over 30 runs. ER's median reaches the top score of 8 after 287 generations of 128 "
-            "episodes, Q-learning's its best after 481 episodes.",
-            figures_scores.learning_on_source,
-        ),
-        7: Plot(
-            "A Q-policy's behaviour",
-            "The path of a Q-policy and, in a panel each, where its four actions are in force: turning slightly right "
-            "or left, sharply left, and dropping the ball.",
-            figures_behaviour.learned_behaviour,
-        ),
-        8: Plot(
-            "Generalisation to new domains",
-            "Without further training, medians of 10 (Q-learning) and 2 (ER) of 24 over 30 runs, p = 1.084e-11.",
-            figures_scores.generalising,
-        ),
-        9: Plot(
-            "Learning on the target set",
-            "Median and quartiles over 30 runs. The medians reach the top score of 24 after 8,616 episodes "
-            "(Q-learning), 268,160 (ER) and 305,152 (ER + transfer).",
-            figures_scores.learning_on_target,
-        ),
-    },
-    "box_pushing": {
-        10: Plot(
-            "The environment",
-            "A picture of the simulated arm above a table with a box, which it must push by hitting it from the side.",
-            figures_arm.environment,
-        ),
-        11: Plot(
-            "The domains",
-            "Three source blocks in the top row, three target blocks of other sizes below.",
-            figures_behaviour.domains,
-        ),
-        12: Plot(
-            "A best network's behaviour",
-            "The path of the end effector from its start to the block.",
-            figures_behaviour.evolved_behaviour,
-        ),
-        13: Plot(
-            "A Q-policy's behaviour",
-            "The path of the end effector with three actions: one puts the arm high and into a corner, one turns and "
-            "descends, one goes straight to the block.",
-            figures_behaviour.learned_behaviour,
-        ),
-        14: Plot(
-            "Learning on the source set",
-            "Median and quartiles over 30 runs. ER's median reaches the top score of 15 after 390 generations of 128 "
-            "episodes.",
-            figures_scores.learning_on_source,
-        ),
-        15: Plot(
-            "Generalisation to new domains",
-            "Q-learning scores higher than ER without further training, p = 0.04804 (t-test).",
-            figures_scores.generalising,
-        ),
-        16: Plot(
-            "Learning on the target set",
-            "Median and quartiles over 30 runs. The medians reach the top score of 15 after 2,119 episodes "
-            "(Q-learning), 243,328 (ER) and 10,752 (ER + transfer).",
-            figures_scores.learning_on_target,
-        ),
-    },
+class ControlPlot(NamedTuple):
+    """A figure on a control experiment, whose name is that of the experiment (`qboot.study.controls.conditions`)."""
+
+    title: str
+    draw: Callable[[controls.Cells], Drawn]  # from the cells of one task by condition
+
+
+def nothing(task: Task) -> bool:
+    """For figures that need nothing of a task."""
+    return True
+
+
+RUN_PLOTS = {
+    "segmentation": RunPlot("How commands are cut into actions", nothing, segmentation.segmentation),
+    "environment": RunPlot("The environment", lambda task: task.view and task.view.picture, environment.environment),
+    "domains": RunPlot("The domains", lambda task: task.view, environment.domains),
+    "evolved_behaviour": RunPlot("A best network's behaviour", lambda task: task.view, behaviour.evolved_behaviour),
+    "learning_on_source": RunPlot("Learning on the source set", nothing, scores.learning_on_source),
+    "learned_behaviour": RunPlot("A Q-policy's behaviour", lambda task: task.view, behaviour.learned_behaviour),
+    "generalisation": RunPlot("Generalisation to new domains", nothing, scores.generalising),
+    "learning_on_target": RunPlot("Learning on the target set", nothing, scores.learning_on_target),
+}
+
+CONTROL_PLOTS = {
+    "actions": ControlPlot("Where the actions come from", controls.learning_by_actions),
+    "sensors": ControlPlot("Sensors for the state", controls.performance_by_sensors),
+    "n_actions": ControlPlot("The number of actions", controls.performance_by_n_actions),
 }
 
 
-class AblationPlot(NamedTuple):
-    """A figure of the paper on a control experiment; both tasks have it."""
-
-    what: str  # name of the experiment (`qboot.study.controls.conditions`)
-    title: str
-    paper: str  # what the paper's figure shows
-    draw: Callable[[dict[str, list[Run]]], Drawn]  # from the cells of one task by condition
+def names_of(task: Task) -> list[str]:
+    """Names of the figures on runs of a task, those with a number in its paper first, in the paper's order."""
+    some = [name for name, plot in RUN_PLOTS.items() if plot.needs(task)]
+    numbers = {name: printed.number for name, printed in _printed(task).items()}
+    return sorted(some, key=lambda name: numbers.get(name, float("inf")))
 
 
-ABLATION_PLOTS = {
-    17: AblationPlot(
-        "actions",
-        "Extracted, human-designed and random actions",
-        "Median and quartiles over 30 runs. Ball collecting: extracted and human-designed actions perform alike, "
-        "random ones seldom learn. Box pushing: all learn soon; extracted actions need fewer steps than "
-        "human-designed ones, those fewer than random ones.",
-        figures_ablations.learning_by_actions,
-    ),
-    18: AblationPlot(
-        "sensors",
-        "Sensors for the state",
-        "Without the past (instant) ball collecting is learned worst and box pushing is not harmed; the automatic "
-        "selection and as many random inputs (random+) do not differ; box pushing gets half as many inputs as ball "
-        "collecting.",
-        figures_ablations.performance_by_sensors,
-    ),
-    19: AblationPlot(
-        "n_actions",
-        "The number of actions",
-        "The final performance does not depend on the number of actions; with more of them, box pushing is learned "
-        "slightly more slowly.",
-        figures_ablations.performance_by_n_actions,
-    ),
-}
+def printed_as(task: Task, name: str) -> PrintedFigure | None:
+    """The figure of a name in the task's paper; None where there is no paper, or no such figure in it."""
+    return _printed(task).get(name)
 
 
-def draw_ablation(number: int, study: Path, task: str) -> Drawn:
-    """Draw one of ABLATION_PLOTS from a task's cells in the folder of a study.
+def draw(name: str, some: list[Run[RunSettings]]) -> Drawn:
+    """Draw one of RUN_PLOTS from runs of one task, at least one.
+
+    Raises:
+        RunError: if none has the files that the figure needs.
+    """
+    with matplotlib.rc_context(STYLE):
+        return RUN_PLOTS[name].draw(some)
+
+
+def draw_control(name: str, study: Path, task_name: str) -> Drawn:
+    """Draw one of CONTROL_PLOTS from a task's cells in the folder of a study.
 
     Raises:
         RunError: if there are none.
     """
-    plot = ABLATION_PLOTS[number]
-    cells = ablations.find(study, task, plot.what)
-    if not cells:
+    found = cells.find(study, task_name, name)
+    if not found:
         raise RunError(
-            f"no finished cells below {study}: make them with `qboot ablate --task {task} --what {plot.what} "
+            f"no finished cells below {study}: make them with `qboot ablate --task {task_name} --what {name} "
             f"--out {study}`"
         )
     with matplotlib.rc_context(STYLE):
-        return plot.draw(cells)
-
-
-def draw(number: int, some: list[Run]) -> Drawn:
-    """Draw the paper's figure `number` from those of the runs that are of its task.
-
-    Raises:
-        RunError: if there is no such run, or none has the files that the figure needs.
-    """
-    task = next(name for name, plots in PLOTS.items() if number in plots)
-    of_task = [run for run in some if run.settings.task == task]
-    if not of_task:
-        raise RunError(f"figure {number} needs runs of {task}, and there are none: give the folder of such a study")
-    with matplotlib.rc_context(STYLE):
-        return PLOTS[task][number].draw(of_task)
+        return CONTROL_PLOTS[name].draw(found)
 
 
 def as_png(figure: Figure) -> bytes:
@@ -195,35 +108,52 @@ def as_png(figure: Figure) -> bytes:
 
 
 def command(number: int, arguments: list[str] | None = None) -> int:
-    """Draw one figure from the command line; return the exit code: 0 done, 2 bad input."""
+    """Draw the figure that has a number in a task's paper, from the command line.
+
+    Returns:
+        The exit code: 0 done, 2 bad input.
+    """
+    task, name = _numbered(number)
+    is_control = name in CONTROL_PLOTS
     parser = argparse.ArgumentParser(description=f"Draw figure {number} of the paper from finished runs.")
     parser.add_argument("results", type=Path, metavar="RESULTS_FOLDER", help="folder of a study, or of one run")
+    if is_control:
+        parser.add_argument("--task", help="as in `qboot ablate`; default the first that has cells")
     parser.add_argument("--out", type=Path, default=Path(f"fig{number:02}.png"), metavar="FILE.png")
     options = parser.parse_args(arguments)
     try:
-        drawn = draw(number, runs_below(options.results))
+        if is_control:
+            drawn = draw_control(name, options.results, options.task or _with_cells(options.results, name))
+        else:
+            drawn = draw(name, _of_task(task, options.results))
         files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
-    except RunError as error:
+    except (RunError, ValueError) as error:
         print(f"figure {number}: {error}", file=sys.stderr)
         return 2
     print(f"{options.out}: {drawn.shows}")
     return 0
 
 
-def ablation_command(number: int, arguments: list[str] | None = None) -> int:
-    """Draw a figure on a control experiment from the command line; return the exit code: 0 done, 2 bad input."""
-    plot = ABLATION_PLOTS[number]
-    parser = argparse.ArgumentParser(description=f"Draw figure {number} of the paper from finished cells.")
-    parser.add_argument("results", type=Path, metavar="RESULTS_FOLDER", help="folder of a study")
-    parser.add_argument("--task", choices=list(TASKS), help="default the first that has cells")
-    parser.add_argument("--out", type=Path, default=Path(f"fig{number:02}.png"), metavar="FILE.png")
-    options = parser.parse_args(arguments)
-    with_cells = [task for task in TASKS if ablations.find(options.results, task, plot.what)]
-    try:
-        drawn = draw_ablation(number, options.results, options.task or (with_cells or list(TASKS))[0])
-        files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
-    except RunError as error:
-        print(f"figure {number}: {error}", file=sys.stderr)
-        return 2
-    print(f"{options.out}: {drawn.shows}")
-    return 0
+def _printed(task: Task) -> dict[str, PrintedFigure]:
+    return dict(task.paper().figures) if task.paper else {}
+
+
+def _numbered(number: int) -> tuple[Task, str]:
+    """The first registered task whose paper has a figure of this number, and the figure's name."""
+    for task in map(get_task, names()):
+        for name, printed in _printed(task).items():
+            if printed.number == number:
+                return task, name
+    raise ValueError(f"no paper of a registered task has a figure {number}")
+
+
+def _of_task(task: Task, folder: Path) -> list[Run[RunSettings]]:
+    found = [run for run in runs.runs_below(folder).runs if run.task_name == task.name]
+    if not found:
+        raise RunError(f"it needs runs of {task.name}, and there are none: give the folder of such a study")
+    return found
+
+
+def _with_cells(study: Path, what: str) -> str:
+    """Name of the first registered task with a folder of cells, or else of the first."""
+    return next((name for name in names() if cells.folder_of(study, name, what).is_dir()), names()[0])

@@ -1,10 +1,12 @@
-"""Figures of the control experiments (17, 18, 19), each from the cells of one task by condition."""
+"""Figures of the control experiments (figures 17 to 19 of the paper), each from the cells of one task by condition."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from qboot.envs.scene import BLUE, GREEN, GREY, ORANGE, RED, VIOLET
 from qboot.study.analysis.control_measures import (
     average_performance,
     n_inputs,
@@ -12,25 +14,25 @@ from qboot.study.analysis.control_measures import (
     performance_curve,
     steps_curve,
 )
-from qboot.study.analysis.curves import Curve, common_grid, top_score
+from qboot.study.analysis.curves import Curve, columns, common_grid, top_score
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.statistics import median_and_quartiles, quartiles
-from qboot.study.figures.catalogue.drawing import Drawn, new_figure
-from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED
+from qboot.study.figures.drawing import Drawn, new_figure
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings
 
-Cells = dict[str, list[Run]]
-COLOURS = (RED, GREEN, BLUE, "#e69f00", "#7f4fa3")
+Cells = dict[str, list[Run[CellSettings]]]  # by condition
+COLOURS = (RED, GREEN, BLUE, ORANGE, VIOLET)
 
 
 def learning_by_actions(cells: Cells) -> Drawn:
-    """Figure 17: scores against episodes with each set of actions; for the arm, whose tests end early, steps too."""
-    ends_early = _first(cells).settings.task == "box_pushing"
-    figure, axes = new_figure(1 + ends_early, 1, 7.5, 4.2 + 2.6 * ends_early, sharex=True)
+    """Scores against episodes with each set of actions; below them, where episodes differ in length, their steps."""
+    varies = _lengths_vary(cells)
+    figure, axes = new_figure(1 + varies, 1, 7.5, 4.2 + 2.6 * varies, sharex=True)
     medians = _draw_curves(axes[0, 0], cells, performance_curve)
     _score_axis(axes[0, 0], cells)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=len(cells))
-    if ends_early:
+    if varies:
         _draw_curves(axes[1, 0], cells, steps_curve)
         axes[1, 0].set(ylabel="steps of an episode")
         axes[1, 0].grid(axis="y")
@@ -44,7 +46,7 @@ def learning_by_actions(cells: Cells) -> Drawn:
 
 
 def performance_by_sensors(cells: Cells) -> Drawn:
-    """Figure 18: final performance, and the number of inputs below it, with each choice of sensors."""
+    """Final performance, and the number of inputs below it, with each choice of sensors."""
     figure, axes = new_figure(2, 1, 7.5, 6.0, sharex=True)
     _draw_boxes(axes[0, 0], cells, performance)
     _score_axis(axes[0, 0], cells, "final performance")
@@ -59,7 +61,7 @@ def performance_by_sensors(cells: Cells) -> Drawn:
 
 
 def performance_by_n_actions(cells: Cells) -> Drawn:
-    """Figure 19: final and average performance against the number of actions."""
+    """Final and average performance against the number of actions."""
     figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
     numbers = [int(name) for name in cells]
     for (label, measure), colour in zip(
@@ -80,10 +82,10 @@ def performance_by_n_actions(cells: Cells) -> Drawn:
     return Drawn(figure, f"Median of the final performance: {ends}. Bands are quartiles.", _labels(cells))
 
 
-def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run], Curve]) -> dict[str, float]:
+def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run[CellSettings]], Curve]) -> dict[str, float]:
     """Draw median and quartiles of each condition; return the medians at the end."""
     medians = {}
-    for colour, (name, some) in zip(COLOURS, cells.items(), strict=False):
+    for colour, (name, some) in zip(itertools.cycle(COLOURS), cells.items(), strict=False):
         curves = [read(cell) for cell in some]
         grid = common_grid(curves)
         found = median_and_quartiles(curves, grid)
@@ -93,10 +95,10 @@ def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run], Curve]) -> dict
     return medians
 
 
-def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run], float]) -> None:
+def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run[CellSettings]], float]) -> None:
     values = [_values(some, measure) for some in cells.values()]
     boxes = axes.boxplot(values, widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"})
-    for place, (box, colour) in enumerate(zip(boxes["boxes"], COLOURS, strict=False), start=1):
+    for place, (box, colour) in enumerate(zip(boxes["boxes"], itertools.cycle(COLOURS), strict=False), start=1):
         box.set(facecolor=colour, alpha=0.35)
         found = values[place - 1]
         # Side by side, so that equal values can be counted.
@@ -111,11 +113,17 @@ def _score_axis(axes: Axes, cells: Cells, label: str = "score") -> None:
     axes.grid(axis="y")
 
 
-def _first(cells: Cells) -> Run:
+def _lengths_vary(cells: Cells) -> bool:
+    """Whether some episodes took more steps than others."""
+    steps = [columns(cell, "qlearning.csv", "steps")[0] for some in cells.values() for cell in some]
+    return bool(np.ptp(np.concatenate(steps)) > 0)
+
+
+def _first(cells: Cells) -> Run[CellSettings]:
     return next(iter(cells.values()))[0]
 
 
-def _values(some: list[Run], measure: Callable[[Run], float]) -> np.ndarray:
+def _values(some: list[Run[CellSettings]], measure: Callable[[Run[CellSettings]], float]) -> np.ndarray:
     return np.array([measure(cell) for cell in some])
 
 

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Rectangle
 
-from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED, Scene, Shape
+from qboot.envs.scene import BLUE, GREEN, GREY, RED, Scene, Shape
 
 METHOD_COLOURS = {"QL": RED, "ER": BLUE, "ER+transfer": GREEN}
 METHOD_LABELS = {"QL": "Q-learning", "ER": "ER (evolution)", "ER+transfer": "ER + transfer"}
@@ -37,6 +37,15 @@ def new_figure(rows: int, columns: int, width: float, height: float, **options) 
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
+def grid_of(n: int, columns: int, width: float, height: float, margin: float = 0.0) -> tuple[Figure, list[Axes]]:
+    """A figure with `n` panels of `width` x `height` inches, at most `columns` side by side, and those panels."""
+    columns, rows = min(columns, n), -(-n // columns)
+    figure, axes = new_figure(rows, columns, width * columns, height * rows + margin)
+    for unused in axes.flat[n:]:
+        unused.set_visible(False)
+    return figure, list(axes.flat[:n])
+
+
 def draw_scene(axes: Axes, scene: Scene, frame: int = 0) -> None:
     """Draw all shapes of a scene at one frame; what is not visible there is drawn hollow."""
     axes.set(xlim=(scene.left, scene.right), ylim=(scene.bottom, scene.top), aspect="equal", xticks=[], yticks=[])
@@ -53,15 +62,15 @@ def draw_path(axes: Axes, shape: Shape, colours: list[str] | str, widths: float 
     axes.add_collection(LineCollection(segments, colors=colours, linewidths=widths, capstyle="round", zorder=3))
 
 
+def is_active(shape: Shape) -> np.ndarray:
+    """Whether a shape was active at the end of each of its F - 1 steps, (F - 1,) bool."""
+    active = np.zeros(1, bool) if shape.active is None else np.asarray(shape.active)
+    return np.broadcast_to(active, (len(shape.x),))[1:]
+
+
 def legend_patches(entries: dict[str, str]) -> list[Patch]:
     """Legend entries, label to colour."""
     return [Patch(color=colour, label=label) for label, colour in entries.items()]
-
-
-def hide_unused(axes: np.ndarray, used: int) -> None:
-    """Hide the axes after the first `used`."""
-    for unused in axes.flat[used:]:
-        unused.set_visible(False)
 
 
 def _draw_shape(axes: Axes, shape: Shape, frame: int) -> None:

@@ -1,4 +1,4 @@
-"""Figures of scores: learning on the source set (6, 14), generalisation (8, 15), learning on the target set (9, 16)."""
+"""Figures of scores: learning on the source set and on the target set, and scores there without learning."""
 
 from collections.abc import Callable
 
@@ -6,37 +6,38 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
+from qboot.envs.scene import GREY
 from qboot.study.analysis.curves import (
     METHODS,
     Curve,
     common_grid,
-    gather,
     generalisation,
     moving_mean,
     source_curve,
     target_curve,
     top_score,
 )
+from qboot.study.analysis.gathering import gather
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.statistics import mann_whitney, median_and_quartiles
-from qboot.study.figures.catalogue.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
-from qboot.study.figures.catalogue.scenes import GREY
+from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 
-def learning_on_source(runs: list[Run]) -> Drawn:
-    """Figures 6 and 14: scores of ER and of Q-learning on the source set, against episodes."""
+def learning_on_source(runs: list[Run[RunSettings]]) -> Drawn:
+    """Scores of ER and of Q-learning on the source set, against episodes."""
     return _learning(runs, ("QL", "ER"), source_curve, "source")
 
 
-def learning_on_target(runs: list[Run]) -> Drawn:
-    """Figures 9 and 16: scores of Q-learning, ER and ER + transfer on the target set, against episodes."""
+def learning_on_target(runs: list[Run[RunSettings]]) -> Drawn:
+    """Scores of Q-learning, ER and ER + transfer on the target set, against episodes."""
     return _learning(runs, METHODS, target_curve, "target")
 
 
-def generalising(runs: list[Run]) -> Drawn:
-    """Figures 8 and 15: scores on the target set without learning there, a box per method."""
+def generalising(runs: list[Run[RunSettings]]) -> Drawn:
+    """Scores on the target set without learning there, a box per method."""
     found = gather(runs, lambda run: [generalisation(run, method) for method in ("ER", "QL")]).found
     if not found:
         raise RunError("no run has generalisation.csv: run the stage transfer")
@@ -63,7 +64,12 @@ def generalising(runs: list[Run]) -> Drawn:
     return Drawn(figure, shows, [run.label for run in found])
 
 
-def _learning(runs: list[Run], methods: tuple[str, ...], read: Callable[[Run, str], Curve], which: str) -> Drawn:
+def _learning(
+    runs: list[Run[RunSettings]],
+    methods: tuple[str, ...],
+    read: Callable[[Run[RunSettings], str], Curve],
+    which: str,
+) -> Drawn:
     curves = {method: gather(runs, lambda run, method=method: read(run, method)).found for method in methods}
     curves = {method: found for method, found in curves.items() if found}
     if not curves:

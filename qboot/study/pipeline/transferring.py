@@ -55,7 +55,7 @@ def transfer_stage(run: Run[RunSettings], workers: int) -> None:
 
 def _generalisation(run: Run[RunSettings], domains: Domain, networks: Any) -> dict[str, list]:
     """Scores on the target set without learning there: the best-of-run's and the greedy Q-policy's."""
-    task, key = task_of(run), key_of(run, "tests")
+    task, key = task_of(run), key_of(run, "rollouts")
     best = read_lineage(run).take(slice(-1, None))
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
     evaluated = evaluation.evaluate(task, run.settings.dnn, STATES, domains, best.genomes, key[None])

@@ -1,26 +1,24 @@
-"""Replays in the browser: a test as a moving picture with a slider, drawn on a canvas from numbers in the page."""
+"""Rollouts as moving pictures with a slider, drawn in the browser on a canvas from numbers in the page."""
 
 import math
 from pathlib import Path
 from typing import NamedTuple
 
-import jinja2
 import numpy as np
 
+from qboot.envs.scene import Scene, Shape
 from qboot.envs.task import Task
 from qboot.study.analysis import recordings
 from qboot.study.analysis.recordings import Recording
-from qboot.study.figures.catalogue.scenes import LOOKS, Scene, Shape
-from qboot.study.pipeline.stages import task_of
+from qboot.study.report.templating import PAGES
 from qboot.study.store import files
+from qboot.study.store.artifacts import task_of
+from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
-# Frames of one test at most: evenly spaced steps are kept, which bounds the size of a page.
+# Frames of one rollout at most: evenly spaced timesteps are kept, which bounds the size of a page.
 MAX_FRAMES = 2_000
-
-PAGES = jinja2.Environment(
-    loader=jinja2.PackageLoader("qboot.study.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
-)
 
 
 class Player(NamedTuple):
@@ -28,34 +26,41 @@ class Player(NamedTuple):
 
     title: str
     legend: dict[str, str]  # label to colour
-    data: dict  # what templates/replay.js draws
+    data: dict  # what templates/player.js draws
 
 
-def write(run: Run) -> Path:
+def write(run: Run[RunSettings]) -> Path:
     """Write RUN/replay.html, the best network and the Q-policy in each source domain; a self-contained page.
 
     Raises:
-        RunError: if the stages evolve, extract or learn have not been run.
+        RunError: if the stages evolve, extract or learn have not been run, or the task does not say how it is drawn.
     """
     path = run.file("replay.html")
-    page = PAGES.get_template("replay.html.jinja").render(run=run, players=players(run))
+    page = PAGES.get_template("players.html.jinja").render(run=run, players=players(run))
     files.write_text(path, page)
     return path
 
 
-def players(run: Run) -> list[Player]:
-    """The pictures of a run: per source domain the best evolved network, then the greedy Q-policy."""
+def players(run: Run[RunSettings]) -> list[Player]:
+    """The players of a run: per source domain the best evolved network, then the greedy Q-policy.
+
+    Raises:
+        RunError: as `write` does.
+    """
+    task = task_of(run)
+    if task.view is None:
+        raise RunError(f"{task.name} does not say how it is drawn: give its Task a `view`")
+    view = task.view
     pairs = zip(recordings.evolved(run), recordings.learned(run), strict=True)
     return [
-        _player(f"{who}, source domain {place}", run, recording)
+        _player(f"{who}, source domain {place}", task, recording, view.scene(recording.domain, recording.states))
         for place, pair in enumerate(pairs)
         for who, recording in zip(("Best network", "Q-policy"), pair, strict=True)
     ]
 
 
-def _player(title: str, run: Run, recording: Recording) -> Player:
-    scene = LOOKS[run.settings.task].scene(recording.domain, recording.states)
-    return Player(title, scene.legend, as_data(task_of(run), recording, scene))
+def _player(title: str, task: Task, recording: Recording, scene: Scene) -> Player:
+    return Player(title, scene.legend, as_data(task, recording, scene))
 
 
 def as_data(task: Task, recording: Recording, scene: Scene, max_frames: int = MAX_FRAMES) -> dict:

@@ -8,7 +8,7 @@ import subprocess
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import qboot
 from qboot.envs.registry import get_task
@@ -52,6 +52,13 @@ class Run(Generic[Settings]):
 
 
 AnyRun = Run[RunSettings] | Run[CellSettings]
+
+
+class Found(NamedTuple):
+    """What lies below a folder."""
+
+    runs: list[Run[RunSettings]]
+    unreadable: list[str]  # why the others cannot be read, a line each
 
 
 def create(folder: Path, settings: Settings) -> Run[Settings]:
@@ -166,3 +173,29 @@ def _difference(name: str, found: Any, wanted: Any) -> str:
             if found.get(key) != wanted[key]:
                 return _difference(f"{name}.{key}", found.get(key), wanted[key])
     return f"{name} = {found}, not {wanted}"
+
+
+def runs_below(folder: Path) -> Found:
+    """All runs of a study, or the one run that `folder` is; those that cannot be read are told apart.
+
+    Raises:
+        RunError: if there is none that can be read.
+    """
+    configs = [folder / "config.json"] if (folder / "config.json").exists() else sorted(folder.glob("*/*/config.json"))
+    found = Found([], [])
+    for config in configs:
+        try:
+            run = load(config.parent)
+            get_task(run.settings.task, run.settings.physics)
+        except (RunError, ValueError) as error:
+            words = str(error)
+            found.unreadable.append(words if str(config) in words else f"{config}: {words}")
+        else:
+            found.runs.append(run)
+    if not configs:
+        raise RunError(
+            f"no runs below {folder}: give the folder of a study (FOLDER/TASK/SOURCE-SEED/config.json) or of a run"
+        )
+    if not found.runs:
+        raise RunError(f"no run below {folder} can be read: {found.unreadable[0]}")
+    return found

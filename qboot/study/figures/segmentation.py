@@ -1,21 +1,22 @@
-"""Figure 3: how the commands of a learning trace are cut into linear actions."""
+"""How the commands of a learning trace are cut into linear actions (figure 3 of the paper)."""
 
 import numpy as np
 from matplotlib.collections import LineCollection
 
+from qboot.envs.scene import BLUE, GREEN, GREY, RED
 from qboot.extraction.segmentation import Segments, linear_segments, split_points
 from qboot.extraction.traces import traces
-from qboot.study.analysis.curves import gather, source_curve
-from qboot.study.figures.catalogue.drawing import Drawn, new_figure
-from qboot.study.figures.catalogue.scenes import BLUE, GREEN, GREY, RED
-from qboot.study.pipeline.stages import read_lineage, source_problem, task_of
-from qboot.study.store.files import RunError
+from qboot.study.analysis.gathering import best_run
+from qboot.study.figures.drawing import Drawn, new_figure
+from qboot.study.pipeline.evolving import source_problem
+from qboot.study.store.artifacts import read_lineage, task_of
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 STEPS = 200
 
 
-def segmentation(runs: list[Run]) -> Drawn:
+def segmentation(runs: list[Run[RunSettings]]) -> Drawn:
     """Commands of the best network, the strength of their second derivative, split points and linear models."""
     run = best_run(runs, "lineage.npz")
     best = read_lineage(run).take(slice(-1, None))
@@ -34,8 +35,8 @@ def segmentation(runs: list[Run]) -> Drawn:
         axes[row, 0].set(ylabel=name.replace("_", " "), ylim=(-0.05, 1.05))
     below = axes[-1, 0]
     below.plot(np.arange(1, end - 1), strength[: end - 2], color=GREY, linewidth=1, label="second derivative")
-    below.axhline(strength.mean(), color=BLUE, linestyle="--", linewidth=1, label="its mean over the test")
-    below.set(xlabel="step", ylabel="mean |u''|", xlim=(0, end))
+    below.axhline(strength.mean(), color=BLUE, linestyle="--", linewidth=1, label="its mean over the rollout")
+    below.set(xlabel="timestep", ylabel="mean |u''|", xlim=(0, end))
     shown = points[points < end]
     for panel in axes[:, 0]:
         for point in shown:
@@ -43,23 +44,10 @@ def segmentation(runs: list[Run]) -> Drawn:
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=2)
     below.legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=2)
     shows = (
-        f"The best network of {run.label}: {len(shown)} split points (green) in the first {end} steps, "
-        f"{len(points)} in all {commands.shape[1]:,} of the test."
+        f"The best network of {run.label}: {len(shown)} split points (green) in the first {end} timesteps, "
+        f"{len(points)} in all {commands.shape[1]:,} of the rollout."
     )
     return Drawn(figure, shows, [run.label])
-
-
-def best_run(runs: list[Run], *needed: str) -> Run:
-    """The run whose evolution scored highest, the first of equals, among those that have the files `needed`.
-
-    Raises:
-        RunError: if none has them.
-    """
-    ready = [run for run in runs if all(run.file(name).exists() for name in needed)]
-    scores = gather(ready, lambda run: source_curve(run, "ER").scores.max()).found
-    if not scores:
-        raise RunError(f"no run has {' and '.join(('history.csv', *needed))}: run the stages")
-    return max(scores, key=scores.get)
 
 
 def _models(segments: Segments, effector: int) -> np.ndarray:

@@ -1,0 +1,229 @@
+"""What the report says on one task: parts with a heading each; what there is nothing for has none."""
+
+import base64
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qboot.envs.task import Task
+from qboot.study.analysis import appendix, sizes, verdicts
+from qboot.study.analysis.gathering import best_run, best_score, gather
+from qboot.study.analysis.printed import PrintedFigure
+from qboot.study.controls.cells import find, folder_of
+from qboot.study.controls.conditions import WHATS, conditions
+from qboot.study.figures import catalogue
+from qboot.study.figures.catalogue import CONTROL_PLOTS, RUN_PLOTS
+from qboot.study.figures.drawing import Drawn
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.profiles import ControlSize
+from qboot.study.pipeline.table import STAGES
+from qboot.study.report import player
+from qboot.study.report.player import Player
+from qboot.study.store.artifacts import task_of
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
+
+Runs = list[Run[RunSettings]]  # of one task, at least one
+
+
+class Part(NamedTuple):
+    """A part of a section, drawn by `templates/parts/KIND.html.jinja`."""
+
+    kind: str
+    anchor: str  # of links to it, unique within its section
+    link: str  # its entry in the contents
+    heading: str
+    content: Any
+
+
+class Section(NamedTuple):
+    """All that the page says on one task."""
+
+    task: str
+    has_paper: bool
+    n_runs: int
+    reduced: tuple[int, int]  # sizes below the paper's, of how many
+    parts: list[Part]
+
+
+class Picture(NamedTuple):
+    """A figure as the page shows it."""
+
+    title: str
+    printed: PrintedFigure | None  # the paper's
+    shows: str  # what ours shows, or why there is none
+    runs: list[str]
+    n_runs: int  # of how many; 0 where it is not said
+    png: str  # base64, empty when there is none
+
+    @property
+    def heading(self) -> str:
+        """Number and title."""
+        return f"Figure {self.printed.number}. {self.title}" if self.printed else self.title
+
+
+class Experiment(NamedTuple):
+    """One control experiment."""
+
+    picture: Picture
+    meanings: dict[str, str]  # of its conditions
+    episodes: tuple[int, ...]  # the different numbers that cells have, smallest first
+    n_cells: tuple[int, ...]  # per condition, likewise
+    paper: ControlSize | None
+    seconds: float  # wall time, 0 where it was not recorded
+    tables: list[appendix.Table]
+
+
+class Watched(NamedTuple):
+    """The rollouts that the page plays."""
+
+    players: list[Player]
+    run: str  # label of their run, or why there are none
+
+
+class RunLine(NamedTuple):
+    """One run in the table of runs."""
+
+    run: Run[RunSettings]
+    best: float  # best score of ER on the source set, NaN if it has none
+    done: dict[str, bool]  # by stage
+    seconds: dict[str, float]  # wall time by stage, where it was recorded
+
+
+class RunTable(NamedTuple):
+    """The runs, and what could not be said because something is missing."""
+
+    lines: list[RunLine]
+    missing: list[str]
+
+
+def section(study: Path, some: Runs) -> Section:
+    """All that the page says on the task of `some` runs of a study."""
+    task = task_of(some[0])
+    size_rows = sizes.rows(some)
+    cells, missing = _cells(study, some)
+    rows = verdicts.rows(some)
+    missing += sorted({reason for row in rows for reason in row.missing})
+    # A paper's number that we have not measured is said; without a paper there is nothing to say.
+    shown = [row for row in rows if row.printed or row.n_runs]
+    parts = [
+        Part("sizes", "sizes", "Sizes", "Sizes", size_rows),
+        *_conclusions(task, some),
+        *(
+            [Part("numbers", "numbers", "Numbers", "The paper's numbers" if task.paper else "Numbers", shown)]
+            * bool(shown)
+        ),
+        *_figures(task, some),
+        *_controls(study, task, some, cells),
+        *_watched(task, some),
+        Part("runs", "runs", "Runs", "Runs", RunTable([_line(run) for run in some], missing)),
+    ]
+    reduced = sum(row.is_reduced for row in size_rows), len(size_rows)
+    return Section(task.name, task.paper is not None, len(some), reduced, parts)
+
+
+def _conclusions(task: Task, some: Runs) -> list[Part]:
+    found = verdicts.findings(some)
+    return [Part("conclusions", "conclusions", "Conclusions", "The paper's conclusions", found)] if found else []
+
+
+def _figures(task: Task, some: Runs) -> list[Part]:
+    found = []
+    for name in catalogue.names_of(task):
+        printed = catalogue.printed_as(task, name)
+        picture = _picture(RUN_PLOTS[name].title, printed, lambda name=name: catalogue.draw(name, some), len(some))
+        found.append(_figure_part("figure", name, picture, picture))
+    return found
+
+
+def _cells(study: Path, some: Runs) -> tuple[dict[str, appendix.Cells], list[str]]:
+    """The finished cells of each experiment, and why others cannot be read."""
+    found: dict[str, appendix.Cells] = {}
+    missing = []
+    for what in WHATS:
+        try:
+            found[what] = find(study, some[0].settings.task, what)
+        except RunError as error:
+            found[what] = {}
+            missing.append(str(error))
+        else:
+            if not found[what]:
+                missing.append(f"no cells of the control experiment {what}: qboot ablate makes them")
+    return found, missing
+
+
+def _controls(study: Path, task: Task, some: Runs, cells: dict[str, appendix.Cells]) -> list[Part]:
+    """The control experiments that there are cells of."""
+    if not any(cells.values()):
+        return []
+    heading = "Control experiments (section VII, appendix A)"
+    tables = [table for table in appendix.tables(cells, some) if table.episodes]
+    findings = appendix.findings(cells, some)
+    parts = [Part("controls", "controls", "Control experiments", heading, findings)]
+    for what in (what for what in WHATS if cells[what]):
+        of_experiment = [table for table in tables if table.table.what == what]
+        experiment = _experiment(study, task, some[0].settings.task, what, cells[what], of_experiment)
+        parts.append(_figure_part("experiment", what, experiment.picture, experiment))
+    return parts
+
+
+def _experiment(
+    study: Path, task: Task, task_name: str, what: str, cells: appendix.Cells, tables: list[appendix.Table]
+) -> Experiment:
+    printed = catalogue.printed_as(task, what)
+    return Experiment(
+        picture=_picture(
+            CONTROL_PLOTS[what].title, printed, lambda: catalogue.draw_control(what, study, task_name), n_runs=0
+        ),
+        meanings={name: each.meaning for name, each in conditions(task, what).items()},
+        episodes=tuple(sorted({cell.settings.episodes for some in cells.values() for cell in some})),
+        n_cells=tuple(sorted({len(some) for some in cells.values()})),
+        paper=profiles.control_size_of(task, what, "paper") if task.paper else None,
+        seconds=sum(_seconds(folder_of(study, task.name, what)).values()),
+        tables=tables,
+    )
+
+
+def _watched(task: Task, some: Runs) -> list[Part]:
+    if task.view is None:
+        return []
+    try:
+        run = best_run(some, "lineage.npz", "actions.npz", "sensors.npz", "qnets.npz")
+        watched = Watched(player.players(run), run.label)
+    except RunError as error:
+        watched = Watched([], str(error))
+    return [Part("players", "players", "Players", "Rollouts to watch", watched)]
+
+
+def _figure_part(kind: str, name: str, picture: Picture, content: Any) -> Part:
+    link = f"Figure {picture.printed.number}" if picture.printed else picture.title
+    return Part(kind, f"figure-{name}", link, picture.heading, content)
+
+
+def _picture(title: str, printed: PrintedFigure | None, draw: Callable[[], Drawn], n_runs: int) -> Picture:
+    try:
+        drawn = draw()
+    except RunError as error:
+        return Picture(title, printed, str(error), [], n_runs, "")
+    png = base64.b64encode(catalogue.as_png(drawn.figure)).decode()
+    return Picture(title, printed, drawn.shows, drawn.runs, n_runs, png)
+
+
+def _line(run: Run[RunSettings]) -> RunLine:
+    best = gather([run], best_score).found.get(run, np.nan)
+    return RunLine(run, best, {stage.name: stage.is_done(run) for stage in STAGES}, _seconds(run.folder))
+
+
+def _seconds(folder: Path) -> dict[str, float]:
+    """Wall time by stage of a run or an experiment: sums over starts, from timing.csv (`stage,seconds` a line)."""
+    total: dict[str, float] = {}
+    path = folder / "timing.csv"
+    for line in path.read_text().splitlines() if path.exists() else ():
+        stage, _, seconds = line.partition(",")
+        with contextlib.suppress(ValueError):  # a line that was cut off
+            total[stage] = total.get(stage, 0.0) + float(seconds)
+    return total
