@@ -19,20 +19,20 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from qboot.study.files import RunError
-from qboot.study.stages import read_lineage
 
-from qboot.envs.box_pushing import PHYSICS, task
+from qboot.envs.box_pushing import PHYSICS, on_physics
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.dnn import DnnSettings, Genome
 from qboot.neuroevolution.recorders import FLOW
-from qboot.study import runs
+from qboot.study.store import runs
+from qboot.study.store.artifacts import read_lineage
+from qboot.study.store.files import RunError
 
 
 def rollouts(physics: str, genomes: Genome, settings: DnnSettings, seed: int) -> evaluation.Evaluation:
     """One episode of B networks on the source blocks; the same `seed` gives the same starts on any physics."""
     keys = jax.random.split(jax.random.key(seed), len(genomes.weights))
-    robot = task(physics)
+    robot = on_physics(physics)
     function = partial(evaluation.evaluate, robot, settings, FLOW, robot.source_domains("A"))
     return evaluation.in_blocks(function, 1, genomes, keys)._replace(descriptors=None)
 
@@ -40,7 +40,7 @@ def rollouts(physics: str, genomes: Genome, settings: DnnSettings, seed: int) ->
 def agreement(genomes: Genome, settings: DnnSettings, seed: int = 0) -> dict[str, float]:
     """The figures that this script prints, for B networks."""
     mjx, kinematic = (rollouts(physics, genomes, settings, seed) for physics in PHYSICS)
-    longest = task().max_steps
+    longest = on_physics("mjx").max_steps
 
     def ends(result: evaluation.Evaluation) -> np.ndarray:
         """0 not touched, 1 touched, 2 pushed; a touch in the very last step counts as not touched."""

@@ -16,13 +16,11 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from qboot.study.ablations import EXPERTS
-from qboot.study.profiles import LANES, LEARNERS
-from qboot.study.sweep import Lane, learn_lanes
 
-from qboot.envs import PHYSICS, TASKS, make_task
+from qboot import qlearning
+from qboot.envs import get_task
 from qboot.extraction.actions import ActionSet
-from qboot.extraction.baselines import named_sensors
+from qboot.extraction.baselines import chosen_sensors
 from qboot.extraction.clustering import fuzzy_c_means
 from qboot.extraction.sensors import SensorSettings, sensor_votes
 from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
@@ -30,8 +28,8 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.problem import Problem
 from qboot.neuroevolution.settings import EvolutionSettings
-from qboot.qlearning import learner
-from qboot.qlearning.inputs import input_set
+from qboot.study.controls.sweep import LANES, learn_side_by_side
+from qboot.study.pipeline.profiles import defaults_of
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
 REFERENCE = {"ball_collecting": 0.25e6, "box_pushing": 0.1e6}
@@ -62,7 +60,7 @@ def random_genomes(n: int, network: DnnSettings) -> dnn.Genome:
 
 def environment(name: str, physics: str, batch: int) -> dict:
     """Steps of the environment alone, under random commands."""
-    task = make_task(name, physics)
+    task = get_task(name, physics)
     domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains("A"))
     n_steps = min(task.max_steps, 1000)
 
@@ -80,8 +78,8 @@ def environment(name: str, physics: str, batch: int) -> dict:
 
 def controllers(name: str, physics: str, batch: int) -> dict:
     """Steps of environment and evolved network together, one thread."""
-    task = make_task(name, physics)
-    network = DnnSettings(feed_forward=task.feed_forward)
+    task = get_task(name, physics)
+    network = defaults_of(task).dnn
     domains = task.source_domains("A")
 
     parts = task, network, DISTANCES["hamming"].recorder, domains
@@ -102,14 +100,14 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
 
     The population is random, or evolved for `n_before` generations in the faster physics of the task.
     """
-    network = DnnSettings(feed_forward=make_task(name, physics).feed_forward)
+    network = defaults_of(get_task(name)).dnn
 
     def problem_in(physics: str, diversities: tuple[str, ...]) -> Problem:
-        task = make_task(name, physics)
+        task = get_task(name, physics)
         settings = EvolutionSettings(diversities=diversities, reevaluate=reevaluate)
         return Problem(task, task.source_domains("A"), settings, network, jax.random.key(0), workers)
 
-    fast = problem_in(PHYSICS[name][-1], tuple(DISTANCES))
+    fast = problem_in(get_task(name).physics[-1], tuple(DISTANCES))
     begun, _ = evolve.init(fast)
     for _ in range(n_before):
         begun, _ = evolve.step(fast, begun)
@@ -122,14 +120,19 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
     return {"workers": workers, "median_s": float(np.median(list(seconds.values()))), **seconds}
 
 
-def q_learning(n_episodes: int) -> dict:
-    """Episodes of Q-learning on ball collecting with the human-designed actions, one thread."""
-    task = make_task("ball_collecting", "fastsim")
-    domains = task.source_domains("A")
-    actions = ActionSet(*map(jnp.asarray, EXPERTS["ball_collecting"].actions()))
-    inputs, settings = input_set(np.ones((3, 13), bool)), LEARNERS["ball_collecting"]
-    state = learner.init(jax.random.key(0), task, domains, actions, inputs, settings)
-    run = partial(learner.learn, state, task, domains, actions, inputs, settings, n_episodes)
+def expert_problem(name: str) -> qlearning.Problem:
+    """Q-learning on the source set with what an expert designed."""
+    task = get_task(name)
+    assert task.expert is not None
+    actions = ActionSet(*map(jnp.asarray, task.expert.actions()))
+    inputs = qlearning.input_set(chosen_sensors(task.expert.sensors, task.sensors))
+    return qlearning.Problem(task, defaults_of(task).learner, task.source_domains("A"), actions, inputs)
+
+
+def q_learning(name: str, n_episodes: int) -> dict:
+    """Episodes of Q-learning with the human-designed actions and sensors, one thread."""
+    problem = expert_problem(name)
+    run = partial(qlearning.learn, qlearning.init(jax.random.key(0), problem), problem, n_episodes)
     started = time.perf_counter()
     jax.block_until_ready(run())
     first = time.perf_counter() - started
@@ -143,22 +146,16 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     `ratio` is the time of all side by side over that of all one after another; `equal` counts the seeds whose scores
     are the same in every episode; `weights` is the largest difference of a weight, over the largest weight.
     """
-    task = make_task(name, PHYSICS[name][0])
-    lane = Lane(
-        task.source_domains("A"),
-        ActionSet(*map(jnp.asarray, EXPERTS[name].actions())),
-        input_set(named_sensors(TASKS[name].sensors, EXPERTS[name].SENSORS)),
-    )
-    settings = LEARNERS[name]
-    alone = [learner.init(key, task, *lane, settings) for key in jax.random.split(jax.random.key(0), n_seeds)]
+    problem = expert_problem(name)
+    alone = [qlearning.init(key, problem) for key in jax.random.split(jax.random.key(0), n_seeds)]
     blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
-    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), lane)
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), problem)
 
     def side_by_side():
-        return [learn_lanes(block, task, stacked, settings, n_episodes) for block in blocks]
+        return [learn_side_by_side(block, stacked, n_episodes) for block in blocks]
 
     def one_by_one():
-        return [learner.learn(state, task, *lane, settings, n_episodes) for state in alone]
+        return [qlearning.learn(state, problem, n_episodes) for state in alone]
 
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):
@@ -221,7 +218,7 @@ BENCHMARKS = {
     ),
     "box_pushing kinematic environment": partial(environment, "box_pushing", "kinematic", 240),
     "box_pushing kinematic generation": partial(generation, "box_pushing", "kinematic", CORES),
-    "q_learning": partial(q_learning, 10),
+    "q_learning": partial(q_learning, "ball_collecting", 10),
     "ball_collecting sweep": partial(sweep_of_seeds, "ball_collecting", 30, LANES, 5),
     "ball_collecting sweep, all lanes": partial(sweep_of_seeds, "ball_collecting", 30, 30, 5),
     "box_pushing sweep": partial(sweep_of_seeds, "box_pushing", 30, LANES, 20),

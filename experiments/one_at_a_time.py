@@ -12,11 +12,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from qboot.study.pipeline.stages import STAGES
 
+from qboot.study.pipeline import table
 from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
-from qboot.study.store.runs import Run, RunSettings
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
 
 # Room of the settings, setting, value; the first line changes nothing.
 VARIANTS = (
@@ -49,7 +50,7 @@ def variant(source: Run, folder: Path, settings: RunSettings) -> np.ndarray:
         if not run.file(name).exists():
             shutil.copy(source.file(name), run.file(name))
     for stage in ("extract", "learn"):
-        STAGES[stage](run, 1)
+        table.stage(stage).do(run)
     return np.array(files.read_csv(run.file("qlearning.csv"))["score"], float)
 
 

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from experiments import agreement, parity
-from qboot.envs import arm, blocks, box_pushing, box_pushing_kinematic, box_pushing_mjx
+from qboot.envs.box_pushing import BoxPushing, arm, on_physics, physics_kinematic, physics_mjx
+from qboot.envs.box_pushing import domains as blocks
+from qboot.envs.box_pushing import dynamics as box_pushing
 from qboot.neuroevolution.dnn import DnnSettings, Genome
 
 ROOT = Path(__file__).parents[1]
@@ -23,7 +25,7 @@ NEUTRAL = jnp.array([0.5, 0.5, 0.5])
 
 
 def compiled_step(physics):
-    return jax.jit(jax.vmap(box_pushing.task(physics).step))
+    return jax.jit(jax.vmap(on_physics(physics).step))
 
 
 step_of = {physics: compiled_step(physics) for physics in PHYSICS}
@@ -96,13 +98,13 @@ def test_stops_let_nothing_out():
 
 
 def test_model_has_the_constants_of_the_arm():
-    model = box_pushing_mjx.model()[0]
+    model = physics_mjx.model()[0]
     assert model.opt.timestep == arm.TIME_STEP
     np.testing.assert_allclose(model.body_subtreemass[[3, 2, 1]], arm.MOVED_MASS)
     np.testing.assert_allclose(model.actuator_gear[:, 0], -arm.FORCE)
     np.testing.assert_allclose(model.geom("hand").size, arm.HALF_SIZE)
-    assert model.pair_solimp[0, 0] == box_pushing_kinematic.SHARE_OF_ADVANCE
-    np.testing.assert_allclose(-model.pair_solref[0, 0] * arm.TIME_STEP**2, box_pushing_kinematic.SHARE_OF_OVERLAP)
+    assert model.pair_solimp[0, 0] == physics_kinematic.SHARE_OF_ADVANCE
+    np.testing.assert_allclose(-model.pair_solref[0, 0] * arm.TIME_STEP**2, physics_kinematic.SHARE_OF_OVERLAP)
 
 
 def test_starts():
@@ -120,7 +122,7 @@ def test_starts():
 
 
 def test_domain_sets():
-    task = box_pushing.task()
+    task = on_physics("mjx")
     source, target = task.source_domains("A").half_size, task.target_domains("A").half_size
     assert source.shape == target.shape == (3, 3)
     np.testing.assert_allclose(2 * source[:, 0], [0.05, 0.07, 0.09], rtol=1e-6)
@@ -141,7 +143,7 @@ def test_position_is_a_cell_of_the_grid():
 
 def test_outcome_is_the_distance_travelled():
     state = box_pushing.state_at(SMALL, jnp.array([0.4, 0.0, 0.8]), jnp.array([0.3, -0.2, 0.715]))
-    task = box_pushing.task("kinematic")
+    task = on_physics("kinematic")
     for x in (0.0, 1.0):  # there and back
         state = task.step(SMALL, state, jnp.array([x, 0.5, 0.5]))
     np.testing.assert_allclose(task.outcome(SMALL, state), [0.05, 0, 0, 0, 0, 0], atol=1e-6)
@@ -149,7 +151,7 @@ def test_outcome_is_the_distance_travelled():
 
 @pytest.mark.parametrize("physics", PHYSICS)
 def test_brax_environment(physics):
-    env = box_pushing.BoxPushing(size=1, physics=physics)
+    env = BoxPushing(size=1, physics=physics)
     assert (env.observation_size, env.action_size, env.backend) == (13, 3, physics)
     first = jax.vmap(env.reset)(jax.random.split(jax.random.key(0), 4))
 
@@ -165,9 +167,9 @@ def test_brax_environment(physics):
 
 def test_unknown_choices_are_refused():
     with pytest.raises(ValueError, match="unknown block size 3"):
-        box_pushing.BoxPushing(size=3)
+        BoxPushing(size=3)
     with pytest.raises(ValueError, match="unknown physics 'ode'"):
-        box_pushing.BoxPushing(physics="ode")
+        BoxPushing(physics="ode")
 
 
 def reflexes(domain, state, weights):
@@ -192,7 +194,7 @@ def steering(domain, state, aim):
 
 def outcomes(physics, seed, n_tests):
     """Whether each of N tests ended and succeeded, (2, N); half the controllers are random, half steer."""
-    task = box_pushing.task(physics)
+    task = on_physics(physics)
 
     def run(key, index):
         domain = jax.tree.map(lambda leaf: leaf[index % 3], task.source_domains("A"))
@@ -240,7 +242,7 @@ def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
 
 @pytest.mark.slow
 def test_ten_million_random_steps_are_finite():
-    task, n_lanes, n_steps = box_pushing.task(), 2000, 5000
+    task, n_lanes, n_steps = on_physics("mjx"), 2000, 5000
     domains = jax.tree.map(lambda leaf: jnp.resize(leaf, (n_lanes, 3)), task.source_domains("A"))
     start = jax.vmap(task.reset)(jax.random.split(jax.random.key(0), n_lanes), domains)
 
