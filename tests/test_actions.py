@@ -7,6 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
 
+from qboot.envs import get_task
+from qboot.envs.ball_collecting import expert as expert_ball_collecting
+from qboot.envs.box_pushing import arm
+from qboot.envs.box_pushing import expert as expert_box_pushing
 from qboot.extraction import baselines
 from qboot.extraction.actions import SCALES, ActionSet, ActionSettings, cluster_actions, commands, fit_scaling
 from qboot.extraction.clustering import CLUSTERINGS, cluster, fuzzy_c_means

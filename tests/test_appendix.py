@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qboot.study.analysis import appendix, paper
-from qboot.study.analysis import control_measures as ablation_measures
+from qboot.envs import get_task, registry
+from qboot.study.analysis import appendix, control_measures
 from qboot.study.analysis.appendix import NOT_COMPARABLE
-from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER
-from qboot.study.controls import conditions as ablations
-from qboot.study.figures.catalogue import catalogue as figures
+from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NO_PAPER
+from qboot.study.controls import cells
+from qboot.study.controls.conditions import WHATS, conditions
+from qboot.study.figures import catalogue, controls
 from qboot.study.pipeline import profiles
-from qboot.study.report.page import page as report
+from qboot.study.report import page as report
 from qboot.study.store import files, runs
 
 SEEDS = range(5)
@@ -31,7 +32,7 @@ def paper_sized(tiny_study, tmp_path_factory):
     settings = profiles.settings_of("ball_collecting", "paper", "A", 0)
     run = runs.create(folder / "ball_collecting" / "A-0", settings)
     scores = {"extracted": [6, 6, 7, 7, 7], "human": [5, 6, 7, 8, 9], "random": [0, 1, 1, 2, 2]}
-    some = ablations.find(tiny_study, "ball_collecting", "actions")
+    some = cells.find(tiny_study, "ball_collecting", "actions")
     for condition, seed in itertools.product(scores, SEEDS):
         cell = some[condition][seed % 2]
         changed = replace(cell.settings, seed=seed, n_steps=10_000, episodes=10_000)
@@ -46,22 +47,24 @@ def paper_sized(tiny_study, tmp_path_factory):
 
 
 def tables_of(study, some):
-    return appendix.tables({what: ablations.find(study, "ball_collecting", what) for what in ablations.WHATS}, some)
+    return appendix.tables({what: cells.find(study, "ball_collecting", what) for what in WHATS}, some)
 
 
 def test_the_tables_have_the_papers_pairs():
     """Sections A-A and A-B: 3 pairs of actions, 10 of sensors."""
-    for task, tables in paper.TEST_TABLES.items():
-        assert [len(table.printed) for table in tables] == [3, 10, 10]
-        for table in tables:
-            names = set(ablations.conditions(task, table.what))
-            assert {name for pair in table.printed for name in pair} == names
+    for name in registry.BUILT_IN:
+        task = get_task(name)
+        paper = task.paper()
+        assert [len(table.printed) for table in paper.test_tables] == [3, 10, 10]
+        for table in paper.test_tables:
+            names = set(conditions(task, table.what))
             assert {frozenset(pair) for pair in table.printed} == {
                 frozenset(pair) for pair in itertools.combinations(names, 2)
             }
-            assert table.measure in ablation_measures.MEASURES
-        for claim in paper.CONTROL_CONCLUSIONS[task]:
-            assert {claim.conclusion.greater, claim.conclusion.smaller} <= set(ablations.conditions(task, claim.what))
+            assert table.measure in control_measures.CONTROL_MEASURES
+        for claim in paper.control_conclusions:
+            assert {claim.conclusion.greater, claim.conclusion.smaller} <= set(conditions(task, claim.what))
+            assert claim.measure in control_measures.CONTROL_MEASURES
 
 
 def test_pairs_are_tested_at_three_times(paper_sized):
@@ -88,8 +91,8 @@ def test_equal_by_few_learners_is_not_compared(paper_sized):
 
 def test_conclusions_are_tested_on_cells(paper_sized):
     folder, some = paper_sized
-    cells = {what: ablations.find(folder, "ball_collecting", what) for what in ablations.WHATS}
-    extracted, human, *sensors = appendix.findings(cells, some)
+    found = {what: cells.find(folder, "ball_collecting", what) for what in WHATS}
+    extracted, human, *sensors = appendix.findings(found, some)
     assert extracted.medians == (7, 1) and extracted.verdict == AGREES
     assert human.medians == (7, 1) and human.n_runs == 5 and human.verdict == AGREES
     assert {finding.verdict for finding in sensors} == {NO_DATA}
@@ -106,6 +109,7 @@ def test_conclusions_are_tested_on_cells(paper_sized):
         (0.5, (0.3,), 30, True, AGREES),
         (0.5, (0.3,), 29, True, NOT_COMPARABLE),
         (0.5, (), 30, True, NO_NUMBER),
+        (0.5, None, 30, True, NO_PAPER),
         (np.nan, (0.3,), 0, True, NO_DATA),
         (0.5, (0.3, 0.01), 30, True, "the paper's own differ"),
     ],
@@ -121,20 +125,21 @@ def test_small_cells_are_not_compared(tiny_study, tiny_run):
 
 def test_measures_of_a_cell(paper_sized):
     folder, _ = paper_sized
-    cell = ablations.find(folder, "ball_collecting", "actions")["human"][4]
-    assert ablation_measures.performance(cell) == 9
-    assert ablation_measures.performance(cell, 0.5) == 0
-    assert ablation_measures.performance(cell, 0.501) == 9 * 10 / 20
-    assert ablation_measures.average_performance(cell) == 4.5
-    assert ablation_measures.steps(cell, 1 / 3) == 20_000
+    cell = cells.find(folder, "ball_collecting", "actions")["human"][4]
+    assert control_measures.performance(cell) == 9
+    assert control_measures.performance(cell, 0.5) == 0
+    assert control_measures.performance(cell, 0.501) == 9 * 10 / 20
+    assert control_measures.average_performance(cell) == 4.5
+    assert control_measures.steps(cell, 1 / 3) == 20_000
 
 
 def test_the_report_holds_the_control_experiments(tiny_study, tmp_path):
     shutil.copytree(tiny_study, tmp_path / "study")
     page = report.write(tmp_path / "study").read_text()
-    for number in figures.ABLATION_PLOTS:
-        assert f'id="ball_collecting-figure-{number}"' in page
-    assert page.count("data:image/png;base64,") == len(figures.PLOTS["ball_collecting"]) + 3
+    for name in catalogue.CONTROL_PLOTS:
+        assert f'id="ball_collecting-figure-{name}"' in page
+    assert re.findall(r"<h3[^>]*>Figure (\d+)", page)[-3:] == ["17", "18", "19"]
+    assert page.count("data:image/png;base64,") == len(catalogue.names_of(get_task("ball_collecting"))) + 3
     assert page.count("<caption>") == 5
     assert "8.34e-29" in page and "0.0081" in page
     assert "missing</dt>" not in page
@@ -143,9 +148,39 @@ def test_the_report_holds_the_control_experiments(tiny_study, tmp_path):
 
 
 def test_figures_of_cells_are_commands(tiny_study, tmp_path, capsys):
-    for number in figures.ABLATION_PLOTS:
+    for number in (17, 18, 19):
         path = tmp_path / f"{number}.png"
-        assert figures.ablation_command(number, [str(tiny_study), "--out", str(path)]) == 0
+        assert catalogue.command(number, [str(tiny_study), "--out", str(path)]) == 0
         assert path.read_bytes().startswith(b"\x89PNG")
-    assert figures.ablation_command(17, [str(tmp_path), "--out", str(tmp_path / "none.png")]) == 2
+    none = ["--out", str(tmp_path / "none.png")]
+    assert catalogue.command(17, [str(tmp_path), *none]) == 2
     assert "qboot ablate --task ball_collecting --what actions" in capsys.readouterr().err
+    assert catalogue.command(17, [str(tiny_study), "--task", "box_pushing", *none]) == 2
+    assert "qboot ablate --task box_pushing --what actions" in capsys.readouterr().err
+    assert catalogue.command(17, [str(tiny_study), "--task", "flying", *none]) == 2
+    assert "unknown task 'flying'" in capsys.readouterr().err
+
+
+def test_steps_are_drawn_where_episodes_differ_in_length(paper_sized):
+    folder, _ = paper_sized
+    some = cells.find(folder, "ball_collecting", "actions")
+    assert len(controls.learning_by_actions(some).figure.axes) == 1  # all of 20,000 steps
+    cell = some["random"][0]
+    kept = cell.file("qlearning.csv").read_text()
+    cell.file("qlearning.csv").write_text(kept.replace("20000", "19000", 1))
+    try:
+        assert len(controls.learning_by_actions(some).figure.axes) == 2
+    finally:
+        cell.file("qlearning.csv").write_text(kept)
+
+
+def test_without_a_paper_conditions_are_compared_all_the_same(tiny_study, tiny_run, monkeypatch):
+    monkeypatch.setattr(appendix, "task_of", lambda run: get_task("ball_collecting")._replace(paper=None))
+    found = tables_of(tiny_study, [tiny_run])
+    assert [(table.table.what, len(table.pairs)) for table in found] == [
+        ("actions", 3),
+        ("sensors", 10),
+        ("n_actions", 10),
+    ]
+    assert {pair.verdict for table in found for pair in table.pairs.values()} == {NO_PAPER}
+    assert appendix.findings({what: {} for what in WHATS}, [tiny_run]) == []

@@ -1,25 +1,27 @@
-"""The report, its figures and its replays: complete, self-contained, honest about what is missing."""
+"""The report, its figures and its players: complete, self-contained, honest about what is missing."""
 
 import json
 import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import tiny_settings
-from qboot.study.analysis.paper import Result
-from qboot.study.pipeline.stages import read_lineage, task_of
 
-from qboot.study.analysis import measures, paper, recordings, sizes, verdicts
+from qboot.envs import get_task, registry
+from qboot.study.analysis import measures, recordings, sizes, verdicts
 from qboot.study.analysis.curves import Curve, moving_mean
 from qboot.study.analysis.measures import Sample
+from qboot.study.analysis.printed import Result
 from qboot.study.analysis.statistics import Comparison
-from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NOT_COMPARABLE
-from qboot.study.figures.catalogue import catalogue as figures
+from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NO_PAPER, NOT_COMPARABLE
+from qboot.study.figures import catalogue, drawing
 from qboot.study.pipeline import profiles
-from qboot.study.report.page import page as report
-from qboot.study.report.page import player as replay
+from qboot.study.report import page as report
+from qboot.study.report import player, templating
 from qboot.study.store import files, runs
+from qboot.study.store.artifacts import read_lineage, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 
@@ -34,6 +36,25 @@ def copied(run, folder):
 
 def players_of(page):
     return [json.loads(text) for text in re.findall(r'<script type="application/json">(.*?)</script>', page, re.S)]
+
+
+def bare(task):
+    """The task without all that is optional."""
+    return task._replace(name="bare", expert=None, view=None, defaults=None, paper=None)
+
+
+@pytest.fixture
+def bare_study(tiny_study, tmp_path, monkeypatch):
+    """The tiny study, said to be of a task that has nothing optional."""
+    monkeypatch.setattr(registry, "_registered", {})
+    registry.register(bare(get_task("ball_collecting")))
+    for config in tiny_study.rglob("config.json"):
+        copy = tmp_path / str(config.relative_to(tiny_study).parent).replace("ball_collecting", "bare")
+        if not {"human", "30", "50"} & set(copy.parts):  # the conditions of a task without an expert
+            shutil.copytree(config.parent, copy)
+            text = config.read_text().replace('"ball_collecting"', '"bare"')
+            (copy / "config.json").write_text(text)
+    return tmp_path
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +91,14 @@ def paper_sized(tmp_path):
 
 
 def test_the_page_holds_every_figure_and_needs_nothing_else(page):
-    assert page.count("data:image/png;base64,") == len(figures.PLOTS["ball_collecting"])
-    for number in figures.PLOTS["ball_collecting"]:
-        assert f'id="figure-{number}"' in page
-    assert page.count("missing</dt>") == len(figures.ABLATION_PLOTS)  # this study has no control experiments
+    names = catalogue.names_of(get_task("ball_collecting"))
+    assert page.count("data:image/png;base64,") == len(names) == 7
+    for name in names:
+        assert f'id="ball_collecting-figure-{name}"' in page
+    assert re.findall(r"<h3[^>]*>Figure (\d+)", page) == ["3", "4", "5", "6", "7", "8", "9"]
+    assert "missing</dt>" not in page
+    assert "Control experiments" not in page  # this study has none
+    assert "no cells of the control experiment sensors" in page
     assert not re.search(r'(src|href)="(?!data:|#)', page) and "@import" not in page and "url(" not in page
     assert len(page) < 3_000_000
 
@@ -91,10 +116,10 @@ def test_reduced_sizes_are_said_on_top(page):
 def test_the_page_plays_networks_and_policies(page):
     found = players_of(page)
     assert len(found) == 4
-    for player in found:
-        frames = len(player["steps"])
-        assert player["steps"][0] == 0
-        for shape in player["shapes"]:
+    for data in found:
+        frames = len(data["steps"])
+        assert data["steps"][0] == 0
+        for shape in data["shapes"]:
             assert len(shape["x"]) in (1, frames)
             assert all(0 <= frame < frames for frame in shape.get("active", []) + shape.get("visible", []))
 
@@ -104,8 +129,8 @@ def test_a_study_that_is_not_finished_is_reported_all_the_same(tiny_run, tmp_pat
     for name in ("qnets.npz", "qlearning.csv", "transfer.csv", "generalisation.csv"):
         run.file(name).unlink()
     page = report.write(tmp_path).read_text()
-    assert page.count("missing</dt>") == 6  # figures 7, 8 and 9, and the control experiments
-    assert "No replay: no run has" in page
+    assert page.count("missing</dt>") == 3  # figures 7, 8 and 9
+    assert "Nothing to watch yet: no run has" in page
     assert NO_DATA in page
 
 
@@ -122,7 +147,59 @@ def test_nothing_but_a_configuration_is_reported(tmp_path):
     runs.create(tmp_path / "box_pushing" / "A-0", profiles.settings_of("box_pushing", "smoke", "A", 0))
     page = report.write(tmp_path).read_text()
     assert page.count("data:image/png") == 2  # the environment and the domains
-    assert "No replay" in page
+    assert "Nothing to watch yet" in page
+
+
+def test_one_unreadable_run_does_not_hide_the_others(tiny_run, tmp_path):
+    run = copied(tiny_run, tmp_path)
+    for name, text in (("B-0", "{"), ("C-0", '{"format": 0}')):
+        run.folder.with_name(name).mkdir()
+        (run.folder.with_name(name) / "config.json").write_text(text)
+    lost = run.folder.with_name("A-1")
+    runs.create(lost, replace(run.settings, task=f"{tmp_path}/gone.py:TASK"))
+    page = report.write(tmp_path).read_text()
+    assert page.count("data:image/png;base64,") == 7
+    assert "3 runs could not be read" in page
+    listed = page[page.index('<h2 id="unreadable">') :]
+    assert re.findall(r"<li>\S*ball_collecting/(\S+)/config.json", listed) == ["A-1", "B-0", "C-0"]
+    assert "there is no file" in listed and "is damaged" in listed and "is of format 0" in listed
+    shutil.rmtree(run.folder)
+    with pytest.raises(RunError, match=r"no run below .* can be read: .*A-1.config.json: "):
+        report.write(tmp_path)
+
+
+def test_an_unreadable_cell_hides_its_experiment_alone(tiny_study, tmp_path):
+    study = tmp_path / "study"
+    shutil.copytree(tiny_study, study)
+    (study / "ablations" / "ball_collecting" / "sensors" / "human" / "0" / "config.json").write_text("{")
+    page = report.write(study).read_text()
+    assert 'id="ball_collecting-figure-actions"' in page and 'id="ball_collecting-figure-n_actions"' in page
+    assert 'id="ball_collecting-figure-sensors"' not in page
+    assert re.search(r"<li>\S*sensors/human/0/config.json is damaged", page)
+
+
+def test_what_a_task_does_not_have_leaves_nothing_empty(bare_study):
+    page = report.write(bare_study).read_text()
+    headings = re.findall(r"<h3[^>]*>(.*?)</h3>", page)
+    assert headings == [
+        "Sizes", "Numbers", "How commands are cut into actions", "Learning on the source set",
+        "Generalisation to new domains", "Learning on the target set", "Control experiments (section VII, appendix A)",
+        "Where the actions come from", "Sensors for the state", "The number of actions", "Runs",
+    ]  # fmt: skip
+    assert page.count("data:image/png;base64,") == 7 and players_of(page) == []
+    for table in re.findall(r"<table.*?</table>", page, re.S):
+        assert table.count("<td") > 0
+    content = page[page.index("<h2") :]
+    assert "paper" not in content and "verdict" not in content and "How numbers are compared" not in content
+
+
+def test_without_a_paper_our_numbers_stand_alone(bare_study):
+    some = runs.find(bare_study)
+    rows = verdicts.rows(some)
+    assert [row.measure for row in rows] == list(measures.RUN_MEASURES)
+    assert {row.verdict for row in rows} == {NO_PAPER} and not any(row.printed for row in rows)
+    assert verdicts.findings(some) == []
+    assert {(size.paper, size.is_reduced) for size in sizes.rows(some)} == {(None, False)}
 
 
 def test_a_folder_without_runs_is_refused(tmp_path):
@@ -139,13 +216,47 @@ def test_wall_times_are_summed_over_starts(tiny_run, tmp_path):
 
 def test_a_figure_is_a_command(tiny_run, tmp_path, capsys):
     study = str(tiny_run.folder.parents[1])
-    assert figures.command(8, [study, "--out", str(tmp_path / "figure.png")]) == 0
+    assert catalogue.command(8, [study, "--out", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
-    assert figures.command(14, [study, "--out", str(tmp_path / "none.png")]) == 2
+    assert catalogue.command(14, [study, "--out", str(tmp_path / "none.png")]) == 2
     assert "needs runs of box_pushing" in capsys.readouterr().err
-    assert figures.command(8, [str(tmp_path), "--out", str(tmp_path / "none.png")]) == 2
+    assert catalogue.command(8, [str(tmp_path), "--out", str(tmp_path / "none.png")]) == 2
     assert "no runs below" in capsys.readouterr().err
     assert not (tmp_path / "none.png").exists()
+    with pytest.raises(ValueError, match="has a figure 20"):
+        catalogue.command(20, [])
+
+
+def test_every_figure_of_a_paper_is_in_the_catalogue():
+    numbers = {}
+    for name in registry.BUILT_IN:
+        task = get_task(name)
+        printed = task.paper().figures
+        assert set(printed) <= set(catalogue.names_of(task)) | set(catalogue.CONTROL_PLOTS)
+        numbers[name] = sorted(figure.number for figure in printed.values())
+    assert numbers == {
+        "ball_collecting": [*range(3, 10), 17, 18, 19],
+        "box_pushing": [*range(10, 17), 17, 18, 19],
+    }
+
+
+def test_figures_come_in_the_papers_order_then_the_others():
+    assert catalogue.names_of(get_task("box_pushing")) == [
+        "environment", "domains", "evolved_behaviour", "learned_behaviour", "learning_on_source", "generalisation",
+        "learning_on_target", "segmentation",
+    ]  # fmt: skip
+    assert catalogue.names_of(bare(get_task("box_pushing"))) == [
+        "segmentation", "learning_on_source", "generalisation", "learning_on_target",
+    ]  # fmt: skip
+
+
+def test_a_shape_that_is_never_active_can_be_drawn():
+    shape = drawing.Shape("robot", np.zeros(4), np.zeros(4), 1.0, None, "#000000")
+    assert drawing.is_active(shape).tolist() == [False] * 3
+    assert drawing.is_active(shape._replace(active=np.array([True]))).tolist() == [True] * 3
+    assert drawing.is_active(shape._replace(active=np.array([True, False, True, False]))).tolist() == [
+        False, True, False,
+    ]  # fmt: skip
 
 
 def test_recordings_are_what_was_scored(tiny_run):
@@ -163,33 +274,38 @@ def test_a_policy_is_recorded_with_its_actions(tiny_run):
         assert recording.actions.max() < 17
 
 
-def test_a_replay_keeps_scores_flags_and_the_end(tiny_run):
+def test_a_player_keeps_scores_flags_and_the_end(tiny_run):
     task, recording = task_of(tiny_run), recordings.evolved(tiny_run)[0]
     n_states = len(recording.states.reward)
     states = recording.states._replace(
         reward=np.where(np.isin(np.arange(n_states), (30, 60)), task.reward, 0.0),
         carried=(np.arange(n_states)[:, None] >= 20) & (np.arange(n_states)[:, None] < 30) & np.ones(4, bool),
     )
-    scene = replay.LOOKS[task.name].scene(recording.domain, states)
-    data = replay.as_data(task, recording._replace(states=states), scene, max_frames=n_states)
+    scene = task.view.scene(recording.domain, states)
+    data = player.as_data(task, recording._replace(states=states), scene, max_frames=n_states)
     assert data["scores"] == [30, 60]
     assert data["shapes"][data["movers"][0]]["active"] == [20, 30]
-    thin = replay.as_data(task, recording._replace(states=states), scene, max_frames=7)
+    thin = player.as_data(task, recording._replace(states=states), scene, max_frames=7)
     assert len(thin["steps"]) == 7 and thin["steps"][-1] == n_states - 1
     assert len(thin["scores"]) == 2
 
 
 def test_a_replay_is_a_page_of_its_own(tiny_run, tmp_path):
     run = copied(tiny_run, tmp_path)
-    page = replay.write(run).read_text()
+    page = player.write(run).read_text()
     assert page.count("<canvas") == 4 and "http" not in page
     run.file("qnets.npz").unlink()
     with pytest.raises(RunError, match="run the stage that makes it first"):
-        replay.write(run)
+        player.write(run)
+
+
+def test_a_task_that_is_not_drawn_has_no_replay(bare_study):
+    with pytest.raises(RunError, match="bare does not say how it is drawn"):
+        player.write(runs.find(bare_study)[0])
 
 
 def test_runs_of_the_papers_size_are_compared(paper_sized):
-    rows = {row.result.measure: row for row in verdicts.rows(paper_sized)}
+    rows = {row.measure: row for row in verdicts.rows(paper_sized)}
     generations = rows["generations to the top score"]
     assert generations.quartiles == (198, 287, 586)
     assert (generations.verdict, generations.not_reached) == (AGREES, 0)
@@ -247,10 +363,11 @@ def test_the_rule_for_conclusions(a12, p_value, top, expected):
 
 
 def test_every_number_of_the_paper_can_be_measured():
-    named = {result.measure for results in paper.RESULTS.values() for result in results}
-    named |= {side for some in paper.CONCLUSIONS.values() for row in some for side in (row.greater, row.smaller)}
-    assert named == set(measures.MEASURES)
-    for measure in measures.MEASURES.values():
+    papers = [get_task(name).paper() for name in registry.BUILT_IN]
+    named = {result.measure for paper in papers for result in paper.results}
+    named |= {side for paper in papers for row in paper.conclusions for side in (row.greater, row.smaller)}
+    assert named == set(measures.RUN_MEASURES)
+    for measure in measures.RUN_MEASURES.values():
         assert set(measure.needs) <= set(sizes.LABELS)
 
 
@@ -263,4 +380,4 @@ def test_a_moving_mean_starts_with_what_there_is():
     ("value", "text"), [(np.inf, "never"), (np.nan, "–"), (1263360, "1,263,360"), (7.5, "7.5"), (0.04804, "0.048")]
 )
 def test_numbers_for_people(value, text):
-    assert report.as_number(value) == text
+    assert templating.as_number(value) == text

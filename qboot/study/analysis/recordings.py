@@ -22,7 +22,7 @@ class Recording(NamedTuple):
 
     domain: Domain
     states: Any  # (T + 1, ...) of the task: before each step, and at the end
-    actions: np.ndarray | None  # (T,) int32 action of the Q-learner in force; None for a network
+    actions: np.ndarray  # (T,) int32 action of the Q-learner in force; (0,) for a network
 
 
 def evolved(run: Run[RunSettings]) -> list[Recording]:
@@ -36,7 +36,7 @@ def evolved(run: Run[RunSettings]) -> list[Recording]:
         Recording(
             _at(domains, index),
             _joined(_at(states, (0, index)), _at(finals, (0, index)), found.steps[0, index]),
-            actions=None,
+            actions=np.empty(0, np.int32),
         )
         for index in range(0, n_rollouts, problem.task.rollouts_per_domain)
     ]

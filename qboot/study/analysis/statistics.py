@@ -4,7 +4,8 @@ A run that never reached a goal counts as an infinite number of episodes: quarti
 are, and are infinite themselves when too few runs reached it.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from scipy import stats
@@ -12,12 +13,15 @@ from scipy import stats
 RESAMPLES = 9_999
 
 
-class Quartiles(NamedTuple):
+Values = TypeVar("Values", float, np.ndarray)
+
+
+class Quartiles(NamedTuple, Generic[Values]):
     """The three quartiles of a sample; floats, or arrays of one shape."""
 
-    lower: np.ndarray | float
-    median: np.ndarray | float
-    upper: np.ndarray | float
+    lower: Values
+    median: Values
+    upper: Values
 
 
 class Comparison(NamedTuple):
@@ -27,7 +31,7 @@ class Comparison(NamedTuple):
     a12: float  # probability that a value of the first sample is the greater one, ties half (Vargha and Delaney)
 
 
-def quartiles(values: np.ndarray, axis: int = 0) -> Quartiles:
+def quartiles(values: np.ndarray, axis: int = 0) -> Quartiles[np.ndarray]:
     """Quartiles of `values` along `axis`, linear between two values; infinite values are allowed.
 
     Raises:
@@ -48,7 +52,7 @@ def on_grid(episodes: np.ndarray, scores: np.ndarray, grid: np.ndarray) -> np.nd
     return np.where(last >= 0, np.asarray(scores, float)[np.maximum(last, 0)], np.nan)
 
 
-def median_and_quartiles(curves: list[tuple[np.ndarray, np.ndarray]], grid: np.ndarray) -> Quartiles:
+def median_and_quartiles(curves: Sequence[tuple[np.ndarray, np.ndarray]], grid: np.ndarray) -> Quartiles[np.ndarray]:
     """Quartiles over runs of the score at each episode of `grid`; each (G,), NaN where a run has no score yet.
 
     Args:

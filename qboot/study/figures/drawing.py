@@ -1,6 +1,6 @@
 """Drawing on matplotlib: the look of all figures, scenes and the paths in them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from qboot.envs.scene import BLUE, GREEN, GREY, RED, Scene, Shape
 
 METHOD_COLOURS = {"QL": RED, "ER": BLUE, "ER+transfer": GREEN}
 METHOD_LABELS = {"QL": "Q-learning", "ER": "ER (evolution)", "ER+transfer": "ER + transfer"}
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -59,7 +59,7 @@ def draw_path(axes: Axes, shape: Shape, colours: list[str] | str, widths: float 
     """Draw where a shape went; `colours` and `widths` are one for all or one for each of its F - 1 steps."""
     points = np.column_stack([shape.x, shape.y])
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    axes.add_collection(LineCollection(segments, colors=colours, linewidths=widths, capstyle="round", zorder=3))
+    axes.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round", zorder=3))
 
 
 def is_active(shape: Shape) -> np.ndarray:
@@ -80,7 +80,7 @@ def _draw_shape(axes: Axes, shape: Shape, frame: int) -> None:
     x, y = float(at(shape.x)), float(at(shape.y))
     colour = shape.active_colour if shape.active is not None and at(shape.active) else shape.colour
     is_hollow = shape.visible is not None and not at(shape.visible)
-    look = {"facecolor": "none" if is_hollow else colour, "edgecolor": colour if is_hollow else GREY}
+    look: dict[str, Any] = {"facecolor": "none" if is_hollow else colour, "edgecolor": colour if is_hollow else GREY}
     look |= {"linewidth": 1.2 if is_hollow else 0.5, "zorder": 2}
     if shape.half_height is None:
         axes.add_patch(Circle((x, y), shape.half_width, **look))

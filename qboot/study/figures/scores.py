@@ -70,8 +70,7 @@ def _learning(
     read: Callable[[Run[RunSettings], str], Curve],
     which: str,
 ) -> Drawn:
-    curves = {method: gather(runs, lambda run, method=method: read(run, method)).found for method in methods}
-    curves = {method: found for method, found in curves.items() if found}
+    curves = {method: found for method in methods if (found := _curves(runs, read, method))}
     if not curves:
         raise RunError(f"no run has learned on the {which} set: run the stages")
     top = top_score(runs[0], which)
@@ -95,6 +94,13 @@ def _learning(
     )
     drawn = dict.fromkeys(run for found in curves.values() for run in found)
     return Drawn(figure, shows, [run.label for run in drawn])
+
+
+def _curves(
+    runs: list[Run[RunSettings]], read: Callable[[Run[RunSettings], str], Curve], method: str
+) -> dict[Run[RunSettings], Curve]:
+    """The curves of those runs that have one."""
+    return gather(runs, lambda run: read(run, method)).found
 
 
 def _draw_method(axes: Axes, method: str, curves: list[Curve]) -> tuple[float, float]:

@@ -30,7 +30,7 @@ def segmentation(runs: list[Run[RunSettings]]) -> Drawn:
     for row, name in enumerate(effectors):
         axes[row, 0].plot(commands[row, :end], color=BLUE, linewidth=1, label="command")
         axes[row, 0].add_collection(
-            LineCollection(_models(segments, row), color=RED, linewidth=1.8, label="linear model")
+            LineCollection(list(_models(segments, row)), color=RED, linewidth=1.8, label="linear model")
         )
         axes[row, 0].set(ylabel=name.replace("_", " "), ylim=(-0.05, 1.05))
     below = axes[-1, 0]

@@ -76,7 +76,7 @@ def as_data(task: Task, recording: Recording, scene: Scene, max_frames: int = MA
         "box": [scene.left, scene.top, scene.right, scene.bottom],
         "steps": kept.tolist(),
         "scores": np.repeat(np.arange(len(kept)), np.diff(scored, prepend=0)).tolist(),
-        "actions": [] if recording.actions is None else recording.actions[kept[1:] - 1].tolist(),
+        "actions": recording.actions[kept[1:] - 1].tolist() if len(recording.actions) else [],
         "shapes": [_shape_data(shape, kept, digits) for shape in scene.shapes],
         "movers": [place for place, shape in enumerate(scene.shapes) if any(shape is mover for mover in scene.movers)],
     }

@@ -3,6 +3,7 @@
 import base64
 import contextlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from qboot.envs.task import Task
 from qboot.study.analysis import appendix, sizes, verdicts
 from qboot.study.analysis.gathering import best_run, best_score, gather
 from qboot.study.analysis.printed import PrintedFigure
+from qboot.study.analysis.verdicts import Row
 from qboot.study.controls.cells import find, folder_of
 from qboot.study.controls.conditions import WHATS, conditions
 from qboot.study.figures import catalogue
@@ -108,15 +110,10 @@ def section(study: Path, some: Runs) -> Section:
     cells, missing = _cells(study, some)
     rows = verdicts.rows(some)
     missing += sorted({reason for row in rows for reason in row.missing})
-    # A paper's number that we have not measured is said; without a paper there is nothing to say.
-    shown = [row for row in rows if row.printed or row.n_runs]
     parts = [
         Part("sizes", "sizes", "Sizes", "Sizes", size_rows),
         *_conclusions(task, some),
-        *(
-            [Part("numbers", "numbers", "Numbers", "The paper's numbers" if task.paper else "Numbers", shown)]
-            * bool(shown)
-        ),
+        *_numbers(task, rows),
         *_figures(task, some),
         *_controls(study, task, some, cells),
         *_watched(task, some),
@@ -131,11 +128,18 @@ def _conclusions(task: Task, some: Runs) -> list[Part]:
     return [Part("conclusions", "conclusions", "Conclusions", "The paper's conclusions", found)] if found else []
 
 
+def _numbers(task: Task, rows: list[Row]) -> list[Part]:
+    # A paper's number that we have not measured is said; without a paper there is nothing to say.
+    shown = [row for row in rows if row.printed or row.n_runs]
+    heading = "The paper's numbers" if task.paper else "Numbers"
+    return [Part("numbers", "numbers", "Numbers", heading, shown)] if shown else []
+
+
 def _figures(task: Task, some: Runs) -> list[Part]:
     found = []
     for name in catalogue.names_of(task):
         printed = catalogue.printed_as(task, name)
-        picture = _picture(RUN_PLOTS[name].title, printed, lambda name=name: catalogue.draw(name, some), len(some))
+        picture = _picture(RUN_PLOTS[name].title, printed, partial(catalogue.draw, name, some), len(some))
         found.append(_figure_part("figure", name, picture, picture))
     return found
 
@@ -177,7 +181,7 @@ def _experiment(
     printed = catalogue.printed_as(task, what)
     return Experiment(
         picture=_picture(
-            CONTROL_PLOTS[what].title, printed, lambda: catalogue.draw_control(what, study, task_name), n_runs=0
+            CONTROL_PLOTS[what].title, printed, partial(catalogue.draw_control, what, study, task_name), n_runs=0
         ),
         meanings={name: each.meaning for name, each in conditions(task, what).items()},
         episodes=tuple(sorted({cell.settings.episodes for some in cells.values() for cell in some})),
