@@ -18,7 +18,7 @@ def tiny_settings(task="ball_collecting", source="A", seed=0, **changed):
     """Settings of a run that takes seconds."""
     settings = profiles.settings_of(task, "smoke", source, seed)
     evolution = replace(settings.evolution, population=8, generations=3, horizon=4)
-    sizes = {"n_steps": 120, "episodes": 3, "target_episodes": 2, "target_generations": 1}
+    sizes = {"n_steps": 240, "episodes": 3, "target_episodes": 2, "target_generations": 1}
     return replace(settings, profile="tiny", evolution=evolution, **(sizes | changed))
 
 
