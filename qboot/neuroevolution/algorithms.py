@@ -32,15 +32,24 @@ class Algorithm(NamedTuple):
     pareto_front: Callable[[State], Individuals]
     """(state) -> the individuals that ER + transfer starts from (section IV-F)."""
 
-    condensed: Callable[[State], State]
-    """(state) -> what must be saved of it: large parts that can be computed again are left out."""
+    saved: type[NamedTuple]
+    """What is saved of a state: a named tuple of arrays, numbers and such tuples, by its annotations."""
 
-    restored: Callable[[Problem, State], State]
-    """(problem, condensed state, with arrays for its leaves) -> the state, to the bit."""
+    condensed: Callable[[State], NamedTuple]
+    """(state) -> `saved`, without large parts that can be computed again."""
+
+    restored: Callable[[Problem, NamedTuple], State]
+    """(problem, saved, with arrays for its leaves) -> the state, to the bit."""
 
 
 ALGORITHMS = {
     "nsga2": Algorithm(
-        evolve.init, evolve.step, evolve.best_lineage, evolve.pareto_front, evolve.condensed, evolve.restored
+        evolve.init,
+        evolve.step,
+        evolve.best_lineage,
+        evolve.pareto_front,
+        evolve.SavedState,
+        evolve.condensed,
+        evolve.restored,
     ),
 }

@@ -7,7 +7,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import jax
 import numpy as np
@@ -109,6 +109,12 @@ def from_arrays(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) 
         raise RunError(f"{origin} lacks {', '.join(missing)}: it is not of this version; delete it and run again")
     found = [_like(arrays[_name(keys)], leaf) for keys, leaf in leaves]
     return jax.tree_util.tree_unflatten(structure, found)
+
+
+def template(kind: type) -> Any:
+    """A tree for `from_arrays` out of the annotations of a named tuple and of those within it; every leaf is 0."""
+    fields = get_type_hints(kind).values()
+    return kind(*(template(field) if hasattr(field, "_fields") else 0 for field in fields))
 
 
 def _name(keys: tuple) -> str:

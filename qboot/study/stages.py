@@ -18,9 +18,8 @@ from qboot.extraction.segmentation import Segments, segment
 from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
 from qboot.neuroevolution import evaluation
-from qboot.neuroevolution.algorithms import ALGORITHMS, Algorithm
+from qboot.neuroevolution.algorithms import ALGORITHMS, Algorithm, State
 from qboot.neuroevolution.dnn import Genome
-from qboot.neuroevolution.evolve import EvolveState
 from qboot.neuroevolution.lineage import Individuals
 from qboot.neuroevolution.problem import EvolveInfo, Problem
 from qboot.neuroevolution.recorders import STATES
@@ -244,7 +243,7 @@ def _generalisation(run: Run, domains: Domain, networks: QNetworks) -> dict[str,
 
 def _evolved(
     run: Run, problem: Problem, generations: int, name: str, history_name: str, front: Genome | None = None
-) -> EvolveState:
+) -> State:
     """The end of a run of `generations`, checkpointed under `name`; its history is written when it is over."""
     checkpoint = run.file(f"{name}.checkpoint.npz")
     if checkpoint.exists():
@@ -261,24 +260,22 @@ def _evolved(
                 history[field].append(value)
             progress.update(state.generation, best=info.best, median=info.median, of=top)
             if time.monotonic() > saved + learning.SECONDS_BETWEEN_SAVES or state.generation == generations:
-                _save_evolution(_algorithm(problem).condensed(state), history, checkpoint)
+                _save_evolution(problem, state, history, checkpoint)
                 saved = time.monotonic()
     files.write_csv(run.file(history_name), history)
     return state
 
 
-def _save_evolution(state: EvolveState, history: dict[str, list], checkpoint: Path) -> None:
-    files.write_npz(
-        checkpoint, files.to_arrays(state) | {f"history.{name}": np.array(values) for name, values in history.items()}
-    )
+def _save_evolution(problem: Problem, state: State, history: dict[str, list], checkpoint: Path) -> None:
+    arrays = files.to_arrays(_algorithm(problem).condensed(state))
+    files.write_npz(checkpoint, arrays | {f"history.{name}": np.array(values) for name, values in history.items()})
 
 
-def _load_evolution(problem: Problem, checkpoint: Path) -> tuple[EvolveState, dict[str, list]]:
+def _load_evolution(problem: Problem, checkpoint: Path) -> tuple[State, dict[str, list]]:
     arrays = files.read_npz(checkpoint)
-    template = EvolveState(0, INDIVIDUALS, (), 0.0, 0.0, INDIVIDUALS, 0)
-    state = files.from_arrays(arrays, template, checkpoint)
+    saved = files.from_arrays(arrays, files.template(_algorithm(problem).saved), checkpoint)
     history = {name: arrays[f"history.{name}"].tolist() for name in EvolveInfo._fields}
-    return _algorithm(problem).restored(problem, state), history
+    return _algorithm(problem).restored(problem, saved), history
 
 
 def _learned(
