@@ -129,7 +129,7 @@ def commands(actions: ActionSet, a: jax.Array, t: jax.Array) -> jax.Array:
     time = jnp.asarray(t)[..., None]
     # A traced index cannot pick from a NumPy array.
     slopes, intercepts = jnp.asarray(actions.slopes)[a], jnp.asarray(actions.intercepts)[a]
-    return jnp.clip(slopes * time + intercepts, 0.0, 1.0)
+    return jnp.clip(slopes * time.astype(slopes.dtype) + intercepts, 0.0, 1.0)
 
 
 def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> tuple[ActionSet, ActionInfo]:

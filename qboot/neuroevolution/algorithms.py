@@ -19,9 +19,6 @@ class Algorithm(NamedTuple):
     those of the lineage can be replayed from the starts of their birth.
     """
 
-    state: type
-    """The named tuple, of arrays, numbers and named tuples, that its states are."""
-
     init: Callable[[Problem, Genome | None], tuple[State, EvolveInfo]]
     """(problem, front) -> state of generation 0. `front` (F, ...) holds the networks to start from, None for none."""
 
@@ -35,20 +32,23 @@ class Algorithm(NamedTuple):
     pareto_front: Callable[[State], Individuals]
     """(state) -> the individuals that ER + transfer starts from (section IV-F)."""
 
-    condensed: Callable[[State], State]
-    """(state) -> what must be saved of it: large parts that can be computed again are left out."""
+    saved: type[NamedTuple]
+    """What is saved of a state: a named tuple of arrays, numbers and such tuples, by its annotations."""
 
-    restored: Callable[[Problem, State], State]
-    """(problem, condensed state) -> the state, to the bit."""
+    condensed: Callable[[State], NamedTuple]
+    """(state) -> `saved`, without large parts that can be computed again."""
+
+    restored: Callable[[Problem, NamedTuple], State]
+    """(problem, saved) -> the state, to the bit."""
 
 
 ALGORITHMS = {
     "nsga2": Algorithm(
-        state=evolve.EvolveState,
         init=evolve.init,
         step=evolve.step,
         best_lineage=evolve.best_lineage,
         pareto_front=evolve.pareto_front,
+        saved=evolve.SavedState,
         condensed=evolve.condensed,
         restored=evolve.restored,
     ),

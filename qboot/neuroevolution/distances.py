@@ -106,7 +106,7 @@ def _start_counts(task: Task, n_steps: int) -> jax.Array:
 
 def _update_counts(task: Task, domain: Domain, record: jax.Array, timestep: Timestep) -> jax.Array:
     bins = jnp.clip((_channels(timestep) * ENTROPY_BINS).astype(jnp.int32), 0, ENTROPY_BINS - 1)
-    return record + ((bins[:, None] == jnp.arange(ENTROPY_BINS)) & timestep.alive)
+    return record + ((bins[:, None] == jnp.arange(ENTROPY_BINS)) & timestep.alive).astype(jnp.int32)
 
 
 @jax.jit

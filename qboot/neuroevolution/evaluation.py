@@ -123,7 +123,8 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
         after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
         after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, lanes.states)
         rewards = lanes.rewards + jnp.where(alive, after.reward, 0.0)
-        return Lanes(lanes.domains, lanes.networks, after, activities, rewards, lanes.steps + alive, records), None
+        steps = lanes.steps + alive.astype(jnp.int32)
+        return Lanes(lanes.domains, lanes.networks, after, activities, rewards, steps, records), None
 
     return jax.lax.scan(step, lanes, times)[0]
 

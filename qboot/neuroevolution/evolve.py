@@ -31,6 +31,17 @@ class EvolveState(NamedTuple):
     next_id: int
 
 
+class SavedState(NamedTuple):
+    """An `EvolveState` without its behaviours: they are large and come back by running the population again."""
+
+    generation: int
+    population: Individuals
+    ranks: np.ndarray
+    crowding: np.ndarray
+    archive: Individuals
+    next_id: int
+
+
 def diversity_in_force(problem: Problem, generation: int) -> str:
     """The behavioural distance of a generation, drawn anew every `diversity_period` generations (section III-B2)."""
     choices = problem.settings.diversities
@@ -38,22 +49,22 @@ def diversity_in_force(problem: Problem, generation: int) -> str:
     return choices[int(jax.random.randint(key(problem, "diversity", period), (), 0, len(choices)))]
 
 
-def init(problem: Problem, ancestors_front: Genome | None = None) -> tuple[EvolveState, EvolveInfo]:
+def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, EvolveInfo]:
     """The first population: the better half of twice its size.
 
-    Random networks, or, when `ancestors_front` (F, ...) is given, that Pareto front and mutants of it (transfer).
+    Random networks, or, when a `front` (F, ...) is given, that Pareto front and mutants of it (transfer).
     """
     n = 2 * problem.settings.population
     ids = np.arange(n)
     first_keys = keys(problem, "first", ids)
     refused = 0
-    if ancestors_front is None:
+    if front is None:
         genomes = jax.device_get(_random_genomes(first_keys, problem.dnn))
     else:
-        front = jax.tree.map(lambda leaf: np.asarray(leaf)[ids % len(leaf)], ancestors_front)
-        mutants, _ = jax.device_get(_mutants(first_keys, front, problem.dnn, problem.settings.rates))
-        is_front = ids < len(ancestors_front.weights)
-        genomes = jax.tree.map(lambda a, b: np.where(expand(is_front, a), a, b), front, mutants)
+        parents = jax.tree.map(lambda leaf: np.asarray(leaf)[ids % len(leaf)], front)
+        mutants, _ = jax.device_get(_mutants(first_keys, parents, problem.dnn, problem.settings.rates))
+        is_front = ids < len(front.weights)
+        genomes = jax.tree.map(lambda a, b: np.where(expand(is_front, a), a, b), parents, mutants)
     newborn = _unborn(genomes, ids, np.full(n, NO_PARENT), 0)
     newborn, behaviours, lived = _evaluated(problem, newborn, 0)
     state = EvolveState(0, newborn, behaviours, np.zeros(n), np.zeros(n), newborn.take(slice(0, 0)), n)
@@ -101,14 +112,14 @@ def best_lineage(problem: Problem, state: EvolveState) -> Individuals:
     return lineage(state.archive, best_of(state.population), problem.settings.horizon)
 
 
-def condensed(state: EvolveState) -> EvolveState:
-    """The state without its behaviours: they are large and come back by running the population again."""
-    return state._replace(behaviours=np.empty(0))
+def condensed(state: EvolveState) -> SavedState:
+    """What must be saved of a state."""
+    return SavedState(*(getattr(state, name) for name in SavedState._fields))
 
 
-def restored(problem: Problem, state: EvolveState) -> EvolveState:
-    """The whole state out of a condensed one."""
-    return state._replace(behaviours=describe(problem, state.population, state.generation))
+def restored(problem: Problem, saved: SavedState) -> EvolveState:
+    """The state that was saved, to the bit."""
+    return EvolveState(**saved._asdict(), behaviours=describe(problem, saved.population, saved.generation))
 
 
 def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray) -> EvolveState:

@@ -52,7 +52,7 @@ class EvolveInfo(NamedTuple):
     best: float
     median: float
     mean: float
-    diversity: str  # distance in force
+    diversity: str  # distance in force, empty where an algorithm has none
     lived: float  # share of max_steps that those evaluated lived on average
     connections: float  # mean of the population
     hidden: float  # mean of the population

@@ -64,7 +64,7 @@ def mutate(key: jax.Array, genome: Genome, settings: DnnSettings, rates: Mutatio
         happens = jax.random.bernoulli(keys[2 * i + 1], rate)
         changed, refused = operator(keys[2 * i + 2], genome, settings)
         genome = jax.tree.map(lambda new, old, happens=happens: jnp.where(happens, new, old), changed, genome)
-        n_refused += happens & refused
+        n_refused += (happens & refused).astype(jnp.int32)
     return genome, n_refused
 
 

@@ -103,5 +103,5 @@ def _load(problem: Problem, checkpoint: Path) -> Evolving:
     arrays = files.read_npz(checkpoint)
     history = {name: files.pick(arrays, f"history.{name}", checkpoint).tolist() for name in EvolveInfo._fields}
     algorithm = algorithm_of(problem)
-    condensed = files.from_arrays(arrays, algorithm.state, checkpoint)
-    return Evolving(algorithm.restored(problem, condensed), history)
+    saved = files.from_arrays(arrays, algorithm.saved, checkpoint)
+    return Evolving(algorithm.restored(problem, saved), history)
