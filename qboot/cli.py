@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import qboot
 from qboot.envs.registry import names
@@ -158,8 +158,8 @@ def _settings(options: argparse.Namespace, rest: list[str]) -> "RunSettings":
 
 
 def _show_help(options: argparse.Namespace) -> None:
-    choices = _parser()._subparsers._group_actions[0].choices  # argparse has no public way to a subcommand's parser
-    choices[options.command].print_help()
+    groups: Any = _parser()._subparsers  # argparse has no public way to a subcommand's parser
+    groups._group_actions[0].choices[options.command].print_help()
     print("\nEvery setting of a run can be changed when it is begun; these are the defaults:\n")
     options.task = options.task or names()[0]
     _settings(options, ["--help"])

@@ -1,10 +1,20 @@
-"""Random streams by name: adding a purpose changes no other stream."""
+"""Random keys by name: a stream depends on its name alone, so a new one changes none of the others."""
 
 import zlib
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 
 def key(root: jax.Array, name: str) -> jax.Array:
-    """The stream `name` below the random key `root`."""
+    """The random key () of the stream `name` below the key `root` ()."""
     return jax.random.fold_in(root, zlib.crc32(name.encode()))
+
+
+def keys(root: jax.Array, name: str, numbers: np.ndarray | jax.Array) -> jax.Array:
+    """The random keys (n,) of the stream `name`, one for each of `numbers` (n,), integers below 2**32."""
+    return _fold_in(key(root, name), jnp.asarray(numbers, jnp.uint32))
+
+
+_fold_in = jax.jit(jax.vmap(jax.random.fold_in, in_axes=(None, 0)))

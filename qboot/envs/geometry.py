@@ -76,13 +76,13 @@ def rectangles(picture: np.ndarray) -> np.ndarray:
     Returns:
         (M, 4) float32 walls.
     """
-    left = np.array(picture, bool)
+    left: np.ndarray = np.array(picture, bool)
     found = []
     while left.any():
         row, column = np.unravel_index(np.argmax(left), left.shape)
-        run = left[row, column:]
+        run: np.ndarray = left[row, column:]
         width = len(run) if run.all() else int(np.argmin(run))
-        full = left[row:, column : column + width].all(axis=1)
+        full: np.ndarray = left[row:, column : column + width].all(axis=1)
         height = len(full) if full.all() else int(np.argmin(full))
         left[row : row + height, column : column + width] = False
         found.append((column, row, column + width - 1, row + height - 1))

@@ -152,7 +152,8 @@ def sum_rows(observations: Iterable[np.ndarray], lags: int) -> Sums:
     """The sums over all traces longer than `lags`; errors as `sensor_votes`."""
     if lags < 1:
         raise ValueError(f"lags must be at least 1, got {lags}.")
-    products, n_traces, n_rows, n_sensors = 0.0, 0, 0, None
+    products: np.ndarray = np.zeros(())
+    n_traces, n_rows, n_sensors = 0, 0, None
     for trace in observations:
         trace = np.asarray(trace, np.float64)
         n_sensors = n_sensors or trace.shape[-1]

@@ -32,13 +32,13 @@ class Algorithm(NamedTuple):
     pareto_front: Callable[[State], Individuals]
     """(state) -> the individuals that ER + transfer starts from (section IV-F)."""
 
-    saved: type[NamedTuple]
+    saved: type
     """What is saved of a state: a named tuple of arrays, numbers and such tuples, by its annotations."""
 
-    condensed: Callable[[State], NamedTuple]
+    condensed: Callable[[State], Any]
     """(state) -> `saved`, without large parts that can be computed again."""
 
-    restored: Callable[[Problem, NamedTuple], State]
+    restored: Callable[[Problem, Any], State]
     """(problem, saved) -> the state, to the bit."""
 
 

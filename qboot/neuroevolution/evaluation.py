@@ -7,7 +7,7 @@ T steps, K computing neurons.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import chex
 import jax
@@ -28,6 +28,11 @@ BATCH_SHARES = (1, 4, 16)
 SMALLEST_SHARED = 16
 # Controllers per compiled call on a CPU: their data stays in the cache, and calls spread over the cores.
 BLOCK = 16
+
+
+AnyArray = TypeVar("AnyArray", jax.Array, np.ndarray)
+# All lanes are at the same time.
+LANES_OF_TIMESTEP: Any = Timestep(None, 0, 0, 0)  # type: ignore[arg-type]
 
 
 class Lanes(NamedTuple):
@@ -117,7 +122,7 @@ def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -
         activities = jax.vmap(dnn.step)(lanes.networks, lanes.activities, lanes.states.observation)
         commands = activities[:, : len(task.effectors)]
         timesteps = Timestep(t, alive, lanes.states, commands)
-        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, Timestep(None, 0, 0, 0)))(
+        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, LANES_OF_TIMESTEP))(
             lanes.domains, lanes.records, timesteps
         )
         after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
@@ -175,6 +180,6 @@ def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
     return jax.tree.map(lambda *parts: np.concatenate(parts)[:n], *results)
 
 
-def expand(mask: jax.Array, like: jax.Array) -> jax.Array:
+def expand(mask: AnyArray, like: AnyArray) -> AnyArray:
     """A mask (n,) with as many axes as `like` (n, ...), to choose between two such arrays."""
     return mask.reshape(mask.shape + (1,) * (like.ndim - mask.ndim))

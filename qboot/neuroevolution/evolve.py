@@ -1,7 +1,7 @@
 """The algorithm "nsga2": NSGA-II on score and behavioural diversity, with DNN (paper, sections III-B and IV-A).
 
 `init` and `step` are the whole of it. Their state lives on the host; evaluation, ranking and mutation are
-compiled. Everything random comes from the run's key by `fold_in` of a generation or an individual's id, so a run
+compiled. Everything random comes from the run's key by a stream's name and a generation or an individual's id, so a run
 resumed from a saved state goes on as if it had never stopped.
 """
 
@@ -11,12 +11,13 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from qboot.keys import key, keys
 from qboot.neuroevolution import dnn, nsga2, variation
 from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import Genome
 from qboot.neuroevolution.evaluation import Evaluation, expand
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
-from qboot.neuroevolution.problem import EvolveInfo, Problem, evaluate_individuals, key, keys
+from qboot.neuroevolution.problem import EvolveInfo, Problem, evaluate_individuals
 
 
 class EvolveState(NamedTuple):
@@ -46,7 +47,8 @@ def diversity_in_force(problem: Problem, generation: int) -> str:
     """The behavioural distance of a generation, drawn anew every `diversity_period` generations (section III-B2)."""
     choices = problem.settings.diversities
     period = generation // problem.settings.diversity_period
-    return choices[int(jax.random.randint(key(problem, "diversity", period), (), 0, len(choices)))]
+    drawn = jax.random.randint(jax.random.fold_in(key(problem.key, "diversity"), period), (), 0, len(choices))
+    return choices[int(drawn)]
 
 
 def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, EvolveInfo]:
@@ -56,7 +58,7 @@ def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, Ev
     """
     n = 2 * problem.settings.population
     ids = np.arange(n)
-    first_keys = keys(problem, "first", ids)
+    first_keys = keys(problem.key, "first", ids)
     refused = 0
     if front is None:
         genomes = jax.device_get(_random_genomes(first_keys, problem.dnn))
@@ -77,10 +79,11 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
     n = problem.settings.population
     generation = state.generation + 1
     ids = state.next_id + np.arange(n)
-    chosen = jax.device_get(_tournament(key(problem, "tournament", generation), state.ranks, state.crowding, n))
+    tournament_key = jax.random.fold_in(key(problem.key, "tournament"), generation)
+    chosen = jax.device_get(_tournament(tournament_key, state.ranks, state.crowding, n))
     parents = state.population.take(chosen)
     genomes, refused = jax.device_get(
-        _mutants(keys(problem, "mutation", ids), parents.genomes, problem.dnn, problem.settings.rates)
+        _mutants(keys(problem.key, "mutation", ids), parents.genomes, problem.dnn, problem.settings.rates)
     )
     children = _unborn(genomes, ids, parents.ids, generation)
     if problem.settings.reevaluate:
@@ -149,7 +152,7 @@ def _unborn(genomes: Genome, ids: np.ndarray, parents: np.ndarray, generation: i
 def _evaluated(problem: Problem, some: Individuals, generation: int) -> tuple[Individuals, np.ndarray, float]:
     result = _evaluate(problem, some, generation)
     lived = float(result.steps.mean() / problem.task.max_steps)
-    return some._replace(scores=result.scores.sum(axis=1)), result.descriptors, lived
+    return some._replace(scores=np.asarray(result.scores).sum(axis=1)), result.descriptors, lived
 
 
 def _evaluate(problem: Problem, some: Individuals, generation: int) -> Evaluation:

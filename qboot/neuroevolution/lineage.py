@@ -19,7 +19,7 @@ class Individuals(NamedTuple):
     births: np.ndarray  # (P,) int32 generation of birth
     scores: np.ndarray  # (P,) float32
 
-    def take(self, index: np.ndarray) -> "Individuals":
+    def take(self, index: np.ndarray | slice) -> "Individuals":
         """The individuals at `index`."""
         return jax.tree.map(lambda leaf: leaf[index], self)
 
@@ -50,7 +50,7 @@ def lineage(archive: Individuals, best: int, horizon: int) -> Individuals:
     """
     if best not in archive.ids:
         raise ValueError(f"individual {best} is not in the archive of {len(archive.ids)} ancestors")
-    chain = []
+    chain: list[int] = []
     while best != NO_PARENT and len(chain) < horizon:
         place = int(np.searchsorted(archive.ids, best))
         chain.append(place)

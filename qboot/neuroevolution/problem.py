@@ -5,10 +5,10 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from qboot.envs.task import Domain, Task
+from qboot.keys import keys
 from qboot.neuroevolution import evaluation
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.evaluation import Evaluation
@@ -77,20 +77,4 @@ def evaluation_keys(problem: Problem, individuals: Individuals, generation: int 
     Starts depend on the individual alone, or, when all are evaluated again, on the generation alone.
     """
     numbers = generation if problem.settings.reevaluate else individuals.ids
-    return keys(problem, "evaluation", np.broadcast_to(numbers, individuals.ids.shape))
-
-
-_PURPOSES = ("diversity", "first", "tournament", "mutation", "evaluation")
-
-
-def key(problem: Problem, purpose: str, number: int) -> jax.Array:
-    """The random key () of one purpose with a number."""
-    return jax.random.fold_in(jax.random.fold_in(problem.key, _PURPOSES.index(purpose)), number)
-
-
-def keys(problem: Problem, purpose: str, numbers: np.ndarray) -> jax.Array:
-    """The random keys (n,) of one purpose with numbers (n,)."""
-    return _fold_in(jax.random.fold_in(problem.key, _PURPOSES.index(purpose)), jnp.asarray(numbers, jnp.uint32))
-
-
-_fold_in = jax.jit(jax.vmap(jax.random.fold_in, in_axes=(None, 0)))
+    return keys(problem.key, "evaluation", np.broadcast_to(numbers, individuals.ids.shape))

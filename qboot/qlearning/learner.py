@@ -105,6 +105,7 @@ def learn(state: LearnerState, problem: Problem, n_episodes: int) -> tuple[Learn
             )
             return (ended.networks, store), summary
 
+        summary: tuple
         (networks, store), summary = lax.scan(rollout, (state.networks, state.store), jnp.arange(problem.n_rollouts))
         *per_rollout, error_sums, largest_q = summary
         networks, replay_error_sum, replayed = problem.learner.replay(

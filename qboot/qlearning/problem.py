@@ -1,10 +1,11 @@
 """What a learner is to learn, with what, and how: all that stays the same from episode to episode."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import chex
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from qboot.envs.task import Domain, Task
@@ -13,6 +14,7 @@ from qboot.qlearning.inputs import InputSet
 from qboot.qlearning.learners import LEARNERS, Learner
 from qboot.qlearning.settings import LearnerSettings
 
+Index = TypeVar("Index", int, jax.Array)
 STATIC = {"static": True}
 
 
@@ -38,7 +40,7 @@ class Problem:
     @property
     def action_mask(self) -> jax.Array:
         """Which actions can be executed, (A,) bool."""
-        return self.actions.durations > 0
+        return jnp.asarray(self.actions.durations) > 0
 
     @property
     def n_actions(self) -> int:
@@ -64,11 +66,11 @@ class Problem:
         """Rollouts of one episode; those in one domain follow each other."""
         return self.n_domains * self.task.rollouts_per_domain
 
-    def place(self, rollout: jax.Array) -> jax.Array:
+    def place(self, rollout: Index) -> Index:
         """Index () int32 of the domain of a rollout, () int32, of an episode."""
         return rollout // self.task.rollouts_per_domain
 
-    def domain(self, place: jax.Array) -> Domain:
+    def domain(self, place: jax.Array | int) -> Domain:
         """One of the domains, by its index, () int32."""
         return jax.tree.map(lambda leaf: leaf[place], self.domains)
 

@@ -49,7 +49,7 @@ def smdp_target(rewards: jax.Array, gamma: float, next_q_max: jax.Array, termina
     """
 
     def step(total: DiscountedReward, reward: jax.Array) -> tuple[DiscountedReward, None]:
-        return join(total, DiscountedReward(reward, gamma)), None
+        return join(total, DiscountedReward(reward, jnp.float32(gamma))), None
 
     total, _ = lax.scan(step, no_reward(), jnp.asarray(rewards, jnp.float32))
     return td_target(total, next_q_max, terminal)

@@ -70,7 +70,7 @@ def execute(
         smdp, discounted, total = carry
         smdp = primitive_step(problem, domain, action, smdp.step - first_step, smdp)
         reward = smdp.state.reward
-        return smdp, join(discounted, DiscountedReward(reward, problem.settings.gamma)), total + reward
+        return smdp, join(discounted, DiscountedReward(reward, jnp.float32(problem.settings.gamma))), total + reward
 
     smdp, discounted, total = lax.while_loop(is_running, step, (smdp, no_reward(), jnp.float32(0)))
     return end_action(problem, smdp), discounted, total

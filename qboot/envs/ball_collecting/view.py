@@ -17,20 +17,27 @@ NOTE = (
 def scene(domain: Arena, states: dynamics.BallState) -> Scene:
     """The arena from above; states (F, ...). The robot is active while it carries a ball."""
     walls = [_wall(wall, float(domain.pixel)) for wall in np.asarray(domain.walls) if wall[2] >= 0]
-    posture = states.posture
+    x, y, theta = (np.asarray(leaf) for leaf in states.posture)
+    carrying: np.ndarray = np.any(np.asarray(states.carried), axis=1)
     robot = Shape(
-        "robot", posture.x, posture.y, float(domain.radius), None, BLUE,
-        heading=posture.theta, active=np.asarray(states.carried).any(axis=1), active_label="robot carrying a ball",
+        "robot", x, y, float(domain.radius), None, BLUE,
+        heading=theta, active=carrying, active_label="robot carrying a ball",
     )  # fmt: skip
     pulled = np.asarray(states.switch_pulled)
-    present = np.asarray(jax.vmap(dynamics.present_balls)(np.asarray(states.taken), pulled))
+    present = np.asarray(jax.vmap(dynamics.present_balls)(states.taken, states.switch_pulled))
     balls = [
         disc("ball", centre, 9.0, YELLOW, visible=visible)
-        for centre, visible in zip(domain.balls, present.T, strict=True)
+        for centre, visible in zip(np.asarray(domain.balls), present.T, strict=True)
     ]
-    basket = disc("basket", domain.basket, float(domain.basket_radius), GREEN)
+    basket = disc("basket", np.asarray(domain.basket), float(domain.basket_radius), GREEN)
     switch = disc(
-        "switch", domain.switch, 12.0, PURPLE, active=pulled, active_colour=PALE_PURPLE, active_label="pulled switch"
+        "switch",
+        np.asarray(domain.switch),
+        12.0,
+        PURPLE,
+        active=pulled,
+        active_colour=PALE_PURPLE,
+        active_label="pulled switch",
     )
     side = float(domain.side)
     return Scene(0.0, 0.0, side, side, (basket, switch, *walls, *balls, robot), (robot,))

@@ -1,6 +1,7 @@
 """The arm in three dimensions: table, block, hand, and the space that the hand's sliders span."""
 
 import itertools
+from typing import Any
 
 import jax
 import numpy as np
@@ -24,7 +25,7 @@ def draw(task: Task) -> tuple[Figure, str]:
     domain = domains.block(WIDTH)
     state = jax.device_get(task.reset(jax.random.key(0), domain))
     figure = Figure((7.0, 4.2))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     table_low = np.append(domains.TABLE_LOW, domains.TABLE_TOP - 0.02)
     table_high = np.append(domains.TABLE_HIGH, domains.TABLE_TOP)
     parts = {

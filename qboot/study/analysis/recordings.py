@@ -35,7 +35,7 @@ def evolved(run: Run[RunSettings]) -> list[Recording]:
     return [
         Recording(
             _at(domains, index),
-            _joined(_at(states, (0, index)), _at(finals, (0, index)), found.steps[0, index]),
+            _joined(_at(states, (0, index)), _at(finals, (0, index)), int(found.steps[0, index])),
             actions=np.empty(0, np.int32),
         )
         for index in range(0, n_rollouts, problem.task.rollouts_per_domain)

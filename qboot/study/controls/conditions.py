@@ -51,7 +51,7 @@ def conditions(task: Task, what: str) -> dict[str, Condition]:
     expert = task.expert
     sensors = human_sensors(expert, task) if expert else selected_sensors
     actions = human_actions(expert) if expert else extracted_actions
-    tables = {
+    tables: dict[str, dict[str, Condition | None]] = {
         "actions": {
             "extracted": Condition("extracted from the traces of an evolved run", extracted_actions, sensors),
             "human": Condition("designed by hand", actions, sensors) if expert else None,

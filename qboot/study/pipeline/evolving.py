@@ -1,7 +1,7 @@
 """The stage evolve, and neuro-evolution wherever a run needs it."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -103,5 +103,5 @@ def _load(problem: Problem, checkpoint: Path) -> Evolving:
     arrays = files.read_npz(checkpoint)
     history = {name: files.pick(arrays, f"history.{name}", checkpoint).tolist() for name in EvolveInfo._fields}
     algorithm = algorithm_of(problem)
-    saved = files.from_arrays(arrays, algorithm.saved, checkpoint)
+    saved: Any = files.from_arrays(arrays, algorithm.saved, checkpoint)
     return Evolving(algorithm.restored(problem, saved), history)

@@ -40,7 +40,9 @@ class Progress:
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)
-        elif time.monotonic() > self._reported + SECONDS_BETWEEN_REPORTS or done >= self._total:
+        elif self._status is not None and (
+            time.monotonic() > self._reported + SECONDS_BETWEEN_REPORTS or done >= self._total
+        ):
             self._reported = time.monotonic()
             status = {"label": self._label, "done": done, "total": self._total, "text": text}
             part = self._status.with_suffix(".part")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 Tree = TypeVar("Tree")
@@ -57,7 +58,7 @@ def write_csv(path: Path, columns: Mapping[str, Sequence]) -> None:
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write named arrays."""
-    write(path, lambda stream: np.savez_compressed(stream, **arrays))
+    write(path, lambda stream: np.savez_compressed(stream, **dict(arrays))  # type: ignore[arg-type])
 
 
 def read_json(path: Path) -> Any:
@@ -132,7 +133,7 @@ def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree
                 f"{origin} was made with other settings ({name} is {array.dtype}{list(array.shape)}, not "
                 f"{expected.dtype}{list(expected.shape)}): delete it and run again"
             )
-        found.append(jax.random.wrap_key_data(array) if _is_key(leaf) else array)
+        found.append(jax.random.wrap_key_data(jnp.asarray(array)) if _is_key(leaf) else array)
     return jax.tree_util.tree_unflatten(structure, found)
 
 

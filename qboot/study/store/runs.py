@@ -82,7 +82,7 @@ def create(folder: Path, settings: Settings) -> Run[Settings]:
     return Run(folder, settings)
 
 
-def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:
+def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:  # type: ignore[assignment]
     """The run in `folder`, whose settings are of a `kind` of dataclass.
 
     Raises:
@@ -157,7 +157,7 @@ def _from_plain(cls: type, values: dict, config: Path) -> Any:
     built = {}
     for name, value in values.items():
         kind = fields[name].type
-        if dataclasses.is_dataclass(kind):
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
             value = _from_plain(kind, value, config)
         built[name] = tuple(value) if isinstance(value, list) else value
     try:
