@@ -82,7 +82,7 @@ def rectangles(picture: np.ndarray) -> np.ndarray:
         row, column = np.unravel_index(np.argmax(left), left.shape)
         run: np.ndarray = left[row, column:]
         width = len(run) if run.all() else int(np.argmin(run))
-        full: np.ndarray = left[row:, column : column + width].all(axis=1)
+        full = np.all(left[row:, column : column + width], axis=1, keepdims=True)[:, 0]
         height = len(full) if full.all() else int(np.argmin(full))
         left[row : row + height, column : column + width] = False
         found.append((column, row, column + width - 1, row + height - 1))

@@ -1,7 +1,7 @@
 """The greedy policy of learned networks: its scores (figures 8, 15) and its behaviour (figures 7, 13)."""
 
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -89,13 +89,14 @@ def rollout(networks: Any, key: jax.Array, problem: Problem, domain: Domain) -> 
 
         smdp, action, elapsed = lax.cond(elapsed == problem.actions.durations[action], decide_again, go_on)
         running = is_ongoing(problem.task, smdp)
-        record: tuple = smdp.state, commands(problem.actions, action, elapsed), action, running
+        record = smdp.state, commands(problem.actions, action, elapsed), action, running
         after = primitive_step(problem, domain, action, elapsed, smdp)
         # The rewards of a rollout are in its last state: that stays as it is once the rollout is over.
         return (jax.tree.map(partial(jnp.where, running), after, smdp), action, elapsed + 1), record
 
     smdp = start_rollout(key, problem, domain)
     start = smdp, greedy_action(networks, problem, smdp), jnp.int32(0)
-    last, steps = lax.scan(step, start, length=problem.task.max_steps)
-    states, sent, actions, mask = cast(tuple, steps)
-    return Rollout(states, sent, actions, mask, final=last[0].state)
+    record: Any
+    (smdp, _, _), record = lax.scan(step, start, length=problem.task.max_steps)
+    states, sent, actions, mask = record
+    return Rollout(states, sent, actions, mask, final=smdp.state)
