@@ -12,14 +12,11 @@ from __future__ import annotations  # so that what annotations name need not be 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-if TYPE_CHECKING:  # a task's optional parts speak of rooms that know the task
+if TYPE_CHECKING:
     import jax
     from matplotlib.figure import Figure
 
     from qboot.envs.scene import Scene
-    from qboot.extraction.actions import ActionSet
-    from qboot.study.analysis.printed import Paper
-    from qboot.study.pipeline.profiles import Defaults
 
 
 class TaskState(Protocol):
@@ -44,7 +41,7 @@ Domain = Any  # a pytree of arrays: walls, positions, sizes; a set of domains ha
 class Expert(NamedTuple):
     """What a human would give a Q-learner: the yardstick of the control experiments (section VII)."""
 
-    actions: Callable[[], ActionSet]
+    actions: Callable[[], Any]  # -> qboot.extraction.actions.ActionSet
     sensors: tuple[tuple[str, ...], ...]  # names of the chosen sensors by lag; the first are those of now
 
 
@@ -84,5 +81,6 @@ class Task(NamedTuple):
     on_physics: Callable[[str], Task] | None = None  # the task on another one of them
     expert: Expert | None = None
     view: View | None = None
-    defaults: Callable[[], Defaults] | None = None  # settings and sizes by profile; generic ones without
-    paper: Callable[[], Paper] | None = None  # what a paper printed about it
+    # What later rooms ask a task for. Their types live there, since no room knows those after it.
+    defaults: Callable[[], Any] | None = None  # -> qboot.study.pipeline.profiles.Defaults; generic ones without
+    paper: Callable[[], Any] | None = None  # -> qboot.study.analysis.printed.Paper; None: no paper tells of it
