@@ -59,8 +59,8 @@ def _generalisation(run: Run[RunSettings], domains: Domain, networks: Any) -> di
     best = read_lineage(run).take(slice(-1, None))
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
     evaluated = evaluation.evaluate(task, run.settings.dnn, STATES, domains, best.genomes, key[None])
-    tests = np.asarray(evaluated.scores)[0]
-    of_network = tests.reshape(-1, task.rollouts_per_domain).sum(axis=1)
+    scores = np.asarray(evaluated.scores)[0]
+    of_network = scores.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     of_policy = qlearning.evaluate(networks, key, learning_problem_on(run, domains))
     return {
         "method": ["ER"] * len(of_network) + ["QL"] * len(of_network),
