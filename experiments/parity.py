@@ -24,6 +24,7 @@ from qboot.envs.ball_collecting.domains import Arena
 from qboot.envs.box_pushing import arm as robot
 from qboot.envs.box_pushing import domains as blocks
 from qboot.envs.box_pushing import dynamics as box_pushing
+from qboot.envs.box_pushing import on_physics
 
 LIGHT_COLOURS = (3, 2, 4)  # ball, basket, switch, in the recordings of fastsim
 REST = 1e-4  # m, a block that shifts by less in a step is at rest
@@ -105,7 +106,7 @@ def domains(width: np.ndarray, n_steps: int) -> blocks.Block:
 @jax.vmap
 def advance(domain: blocks.Block, hand: jax.Array, block: jax.Array, command: jax.Array) -> box_pushing.PushState:
     """The state one step after hand (3,) and block (3,) were put in place."""
-    return box_pushing.task("mjx").step(domain, box_pushing.state_at(domain, hand, block), command)
+    return on_physics("mjx").step(domain, box_pushing.state_at(domain, hand, block), command)
 
 
 def one_step(tests: Tests) -> box_pushing.PushState:

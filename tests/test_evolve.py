@@ -98,7 +98,7 @@ def test_transfer_starts_from_the_front():
 
 def test_survivors_face_the_starts_of_their_generation():
     """Re-evaluation against evaluating each generation by hand; the archive keeps the scores of birth."""
-    robot = box_pushing.task("kinematic")
+    robot = box_pushing.on_physics("kinematic")
     settings = EvolutionSettings(population=6, reevaluate=True)
     pushing = Problem(robot, robot.source_domains("A"), settings, DnnSettings(feed_forward=True), jax.random.key(3), 1)
     state, info = evolve.init(pushing)
