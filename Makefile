@@ -1,4 +1,4 @@
-# make reproduce | test | test-slow | bench | lint; see README.md
+# make reproduce | test | test-slow | bench | lint | docs; see README.md
 PYTHON ?= python3
 PROFILE ?= quick
 TASK ?=
@@ -6,7 +6,7 @@ OUT ?= results/$(PROFILE)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: reproduce test test-slow bench lint clean
+.PHONY: reproduce test test-slow bench lint docs clean
 .DEFAULT_GOAL := reproduce
 
 # The stamp is newer than pyproject.toml as long as what is installed is what it asks for.
@@ -33,5 +33,9 @@ lint: $(VENV)/installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: $(VENV)/installed
+	$(BIN)/mkdocs build --quiet
+	@echo site/index.html
+
 clean:
-	rm -rf $(VENV) results
+	rm -rf $(VENV) results site

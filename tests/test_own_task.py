@@ -5,7 +5,7 @@ import sys
 from dataclasses import replace
 
 import pytest
-from toy_tasks import corridor
+from toy_tasks import RANDOM, corridor
 
 from qboot import envs
 from qboot.cli import main
@@ -17,7 +17,8 @@ from qboot.study.pipeline.table import STAGES
 from qboot.study.report import page
 from qboot.study.store import runs
 
-TASK = corridor((5, 2), (0, 3), max_steps=40)
+# Starts are drawn at random, so that some rollouts are long whatever evolved.
+TASK = corridor((5, RANDOM), (0, RANDOM), max_steps=40, rollouts_per_domain=4)
 
 
 @pytest.fixture
@@ -51,7 +52,7 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
 @pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
 def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "my_robot.py"
-    path.write_text("from toy_tasks import corridor\nMINE = corridor((5, 2), max_steps=40)._replace(name='mine')\n")
+    path.write_text("from toy_tasks import corridor\nMINE = corridor((5, 1), (0, 4), max_steps=40)._replace(name='mine')\n")
     monkeypatch.chdir(tmp_path)
     sizes = [
         "--evolution.population",
