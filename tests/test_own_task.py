@@ -32,7 +32,7 @@ def tiny(settings):
     return replace(settings, evolution=evolution, actions=replace(settings.actions, n_actions=3))
 
 
-@pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
+@pytest.mark.filterwarnings("ignore:only .* of the .* extracted actions are distinct")
 def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
     run = runs.create(tmp_path / "corridor" / "A-0", tiny(profiles.settings_of("corridor", "smoke", "A", 0)))
     for stage in STAGES:
@@ -49,7 +49,7 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
     assert not re.search(r"<tbody>\s*</tbody>", text)  # no empty tables
 
 
-@pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
+@pytest.mark.filterwarnings("ignore:only .* of the .* extracted actions are distinct")
 def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "my_robot.py"
     path.write_text("from toy_tasks import corridor\nMINE = corridor((5, 1), (0, 4), max_steps=40)._replace(name='mine')\n")
