@@ -10,6 +10,7 @@ from qboot.study.analysis.gathering import best_run
 from qboot.study.figures.drawing import Drawn, new_figure
 from qboot.study.pipeline.evolving import source_problem
 from qboot.study.store.artifacts import read_lineage, task_of
+from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -20,7 +21,10 @@ def segmentation(runs: list[Run[RunSettings]]) -> Drawn:
     """Commands of the best network, the strength of their second derivative, split points and linear models."""
     run = best_run(runs, "lineage.npz")
     best = read_lineage(run).take(slice(-1, None))
-    commands = traces(source_problem(run, workers=1), best)[0][0].commands.T
+    longest = max(traces(source_problem(run, workers=1), best)[0], key=lambda trace: len(trace.commands))
+    commands = longest.commands.T
+    if commands.shape[1] < 3:
+        raise RunError(f"the best network of {run.label} has no rollout of 3 timesteps: there is nothing to cut")
     points = np.flatnonzero(split_points(commands))
     segments = linear_segments(commands)
     strength = np.abs(np.diff(commands, n=2)).mean(axis=0)
