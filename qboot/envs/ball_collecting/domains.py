@@ -17,7 +17,7 @@ PIXEL = 3.0  # units; walls are drawn on 200 x 200 pixels
 RADIUS = 20.0
 LASER_RANGE = 320.0  # 16 radii
 BASKET_RADIUS = 50.0
-N_WALLS = 8
+N_INNER_WALLS = 4
 
 # Walls in pixels: i0, j0, i1, j1, the last one included. The border is five pixels thick.
 BORDER = ((0, 0, 199, 4), (0, 195, 199, 199), (0, 5, 4, 194), (195, 5, 199, 194))
@@ -63,6 +63,7 @@ class Arena(NamedTuple):
     """One domain as arrays; a set of domains has a leading axis D on each."""
 
     walls: jax.Array  # (8, 4) rectangles of pixels, i0, j0, i1, j1, the last included
+    inner_walls: jax.Array  # (4, 4) those that can hide one place from another: the border cannot
     start: jax.Array  # (3,) x, y, theta
     balls: jax.Array  # (4, 2)
     switch: jax.Array  # (2,)
@@ -84,10 +85,11 @@ def arena(name: str, placement: int) -> Arena:
         raise ValueError(f"unknown arena {name!r}: choose one of {', '.join(ARENAS)}")
     if placement not in range(len(PLACEMENTS[name])):
         raise ValueError(f"unknown placement {placement!r} of arena {name}: choose 0, 1 or 2")
-    walls = np.array(BORDER + ARENAS[name], np.float32)
+    border = np.array(BORDER, np.float32)
+    inner = pad_walls(np.array(ARENAS[name], np.float32), N_INNER_WALLS)
     place = PLACEMENTS[name][placement]
     fields = (
-        pad_walls(walls, N_WALLS), place.start, place.balls, place.switch, place.basket,
+        np.concatenate([border, inner]), inner, place.start, place.balls, place.switch, place.basket,
         BASKET_RADIUS, RADIUS, LASER_RANGE, PIXEL, SIDE,
     )  # fmt: skip
     return Arena(*(jnp.asarray(field, jnp.float32) for field in fields))
