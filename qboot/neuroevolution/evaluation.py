@@ -120,9 +120,10 @@ def _run_chunk(
             domains, progress.summaries, Timestep(progress.states, commands)
         )
         states = jax.vmap(task.step)(domains, progress.states, commands)
-        rewards = progress.rewards + states.reward
-        after = Progress(states, activities, rewards, progress.steps + 1, summaries)
+        after = Progress(states, activities, progress.rewards + states.reward, progress.steps + 1, summaries)
         after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, progress)
+        # Nobody asks for the activities of a rollout that is over.
+        after = after._replace(activities=activities)
         return after, jax.tree.map(lambda row: jnp.where(expand(alive, row), row, jnp.zeros_like(row)), rows)
 
     progress, rows = jax.lax.scan(step, progress, None, n_steps)
