@@ -23,20 +23,17 @@ from qboot.envs.ball_collecting.domains import Arena, Placement
 
 MARGIN = 27.0  # units between the robot's centre and walls on a planned path: its radius and two pixels
 
-
-# The rule. Lengths in units, angles in degrees.
+# The rule. Lengths in units.
 CLEARANCE = 60.0  # of balls and switch from walls: nobody who follows a wall runs over them
 START_CLEARANCE = 45.0  # of the start from walls
 BASKET_FROM_BORDER = 45.0  # the basket (radius 50) is beside a border wall
-APART = 100.0  # any two things
+APART = 85.0  # any two things
 TO_FIRST_BALL = (110.0, 220.0)  # from the start, in a straight line without walls
-BEARING = (25.0, 70.0)  # of the first ball at the start: seen by one detector, not ahead
-TURN = (math.radians(35), math.radians(100))  # between the way to the first ball and the way on to the basket
-TO_BASKET = ((150.0, 280.0), (150.0, 320.0), (150.0, 320.0), (150.0, 450.0))  # from each ball, as the robot goes
-SEEN = (True, True, True, False)  # whether a ball has the basket in a straight line without walls
-SWITCH_TO_BASKET = (150.0, 320.0)  # in a straight line without walls
+BEARING = (25.0, 70.0)  # degrees, of the first ball at the start: seen by one detector, not ahead
+TURN = (35.0, 100.0)  # degrees, between the way to the first ball and the way on to the basket
+TO_BASKET = (140.0, 320.0)  # from each ball and the switch, which the robot can go straight
 AHEAD = 60.0  # no ball and no basket is so near to the line straight on from the start
-TRIES = 100  # draws of each thing before all begins again
+TRIES = 300  # draws of each thing before all begins again
 BASKETS_APART = 150.0  # of placements of one arena
 RANDOM = 0.15  # balls that random controllers may bring home on average; all others none
 PLANNED = 5_000  # steps in which a planner that knows the map brings all balls home
@@ -101,11 +98,6 @@ def shortest_path(room: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.nd
     return way[corners]
 
 
-def path_length(way: np.ndarray) -> float:
-    """Length of a path in units."""
-    return float(np.hypot(*np.diff(way, axis=0).T).sum())
-
-
 def drive(posture: tuple[float, float, float], way: np.ndarray, hold: float) -> tuple[list, tuple]:
     """Commands that turn on the spot and drive along way points, and the posture then."""
     x, y, theta = posture
@@ -140,17 +132,19 @@ def plan(walls: np.ndarray, place: Placement) -> np.ndarray:
     return np.array(commands, np.float32)
 
 
+@jax.jit
+def _rewards(domain: Arena, commands: jax.Array) -> jax.Array:
+    def step(state: dynamics.BallState, command: jax.Array) -> tuple[dynamics.BallState, jax.Array]:
+        state = dynamics.step(domain, state, command)
+        return state, state.reward
+
+    return jax.lax.scan(step, dynamics.reset(jax.random.key(0), domain), commands)[1]
+
+
 def brought_home(domain: Arena, commands: np.ndarray) -> int:
-    """Balls that a sequence of commands (T, 3) brings home in the environment itself."""
-    states = jax.jit(
-        lambda commands: jax.lax.scan(
-            lambda state, command: (lambda after: (after, after.reward))(dynamics.step(domain, state, command)),
-            dynamics.reset(jax.random.key(0), domain),
-            commands,
-        )[1]
-    )
-    padding = np.tile(np.float32([0.5, 0.5, 0.0]), (max(0, PLANNED - len(commands)), 1))
-    return int((np.asarray(states(jnp.asarray(np.concatenate([commands, padding])))) > 0).sum())
+    """Balls that the first PLANNED of a sequence of commands (T, 3) bring home in the environment itself."""
+    rest = np.tile(np.float32([0.5, 0.5, 0.0]), (PLANNED, 1))
+    return int((np.asarray(_rewards(domain, np.concatenate([commands, rest])[:PLANNED])) > 0).sum())
 
 
 def angle(vector: np.ndarray) -> float:
@@ -192,27 +186,21 @@ def draw(rng: np.random.Generator, room: np.ndarray) -> Placement | None:
         sides = ((along, deep), (along, arenas.SIDE - deep), (deep, along), (arenas.SIDE - deep, along))
         return np.array(sides[rng.integers(4)])
 
-    def is_home(point: np.ndarray, limits: tuple[float, float], seen: bool) -> bool:
-        if is_clear(room, point, basket) != seen or np.hypot(*(point - basket)) > limits[1]:
-            return False
-        return limits[0] <= path_length(shortest_path(room, point, basket)) <= limits[1]
+    def is_near_basket(point: np.ndarray) -> bool:
+        return TO_BASKET[0] <= math.dist(point, basket) <= TO_BASKET[1] and is_clear(room, point, basket)
 
     def is_start(point: np.ndarray) -> bool:
         to_ball, to_basket = balls[0] - point, basket - balls[0]
-        turn = angle(to_basket) - angle(to_ball)
+        turn = math.degrees(abs(wrapped(angle(to_basket) - angle(to_ball))))
         near = TO_FIRST_BALL[0] <= np.hypot(*to_ball) <= TO_FIRST_BALL[1]
-        return near and is_clear(room, point, balls[0]) and TURN[0] <= abs(wrapped(turn)) <= TURN[1]
+        hides = any(not is_clear(room, point, thing) for thing in things)
+        return near and hides and is_clear(room, point, balls[0]) and TURN[0] <= turn <= TURN[1]
 
     basket = place(BASKET_FROM_BORDER - 15, lambda point: True, at_border)
-    balls = []
-    for limits, seen in zip(TO_BASKET, SEEN, strict=True):
-        ball = place(CLEARANCE, lambda point, limits=limits, seen=seen: is_home(point, limits, seen))
-        if ball is None:
-            return None
-        balls.append(ball)
-    switch = place(CLEARANCE, lambda point: is_home(point, SWITCH_TO_BASKET, True))
+    balls = [place(CLEARANCE, is_near_basket) for _ in range(4)] if basket is not None else [None]
+    switch = place(CLEARANCE, is_near_basket) if balls[-1] is not None else None
     start = place(START_CLEARANCE, is_start) if switch is not None else None
-    if start is None:
+    if start is None or any(ball is None for ball in balls):
         return None
     for _ in range(TRIES):
         theta = angle(balls[0] - start) + math.radians(rng.uniform(*BEARING) * rng.choice([-1, 1]))
@@ -250,7 +238,7 @@ def choose(walls: np.ndarray, seed: int) -> Iterator[Placement]:
         if place is None or any(math.dist(place.basket, other.basket) < BASKETS_APART for other in chosen):
             continue
         domain, commands = domain_of(walls, place), plan(walls, place)
-        if len(commands) > PLANNED or brought_home(domain, commands) < len(place.balls) or gives_away(domain):
+        if brought_home(domain, commands) < len(place.balls) or gives_away(domain):
             continue
         chosen.append(place)
         yield place

@@ -115,36 +115,30 @@ def families(wheels: int = 9, seeds: int = 20) -> list[Family]:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _rollouts(command: Command, steps: int, parameters: jax.Array, domains: Arena, keys: jax.Array) -> jax.Array:
-    """Balls brought home in each of n rollouts; leading axes (blocks, LANES) on every argument."""
+    """Balls brought home in each of L rollouts; leading axis L on every argument."""
 
-    def block(lanes: tuple) -> jax.Array:
-        parameters, domains, keys = lanes
+    def step(carry, timestep):
+        states, balls = carry
+        actions = jax.vmap(command, in_axes=(0, 0, 0, None))(parameters, states.observation, keys, timestep)
+        states = jax.vmap(dynamics.step)(domains, states, actions)
+        return (states, balls + (states.reward > 0)), None
 
-        def step(carry, timestep):
-            states, balls = carry
-            actions = jax.vmap(command, in_axes=(0, 0, 0, None))(parameters, states.observation, keys, timestep)
-            states = jax.vmap(dynamics.step)(domains, states, actions)
-            return (states, balls + (states.reward > 0)), None
-
-        start = jax.vmap(dynamics.reset)(keys, domains), jnp.zeros(LANES, jnp.int32)
-        return jax.lax.scan(step, start, jnp.arange(steps))[0][1]
-
-    return jax.lax.map(block, (parameters, domains, keys))
+    start = jax.vmap(dynamics.reset)(keys, domains), jnp.zeros(len(keys), jnp.int32)
+    return jax.lax.scan(step, start, jnp.arange(steps))[0][1]
 
 
 def scores(family: Family, domains: Arena, steps: int = STEPS) -> np.ndarray:
     """Balls that each controller of a family brings home in each domain, (B, D)."""
     n_domains, n = len(domains.start), len(family.parameters)
-    index = np.arange(-(-n * n_domains // LANES) * LANES) % (n * n_domains)  # the last block is filled up
-    blocks = partial(jax.tree.map, lambda leaf: jnp.asarray(leaf).reshape(-1, LANES, *leaf.shape[1:]))
-    lanes = blocks(family.parameters[index // n_domains])
-    places = blocks(jax.tree.map(lambda leaf: np.asarray(leaf)[index % n_domains], domains))
-    keys = jax.random.split(jax.random.key(0), n_domains)[index % n_domains].reshape(-1, LANES)
-    return (
-        np.asarray(_rollouts(family.command, steps, lanes, places, keys))
-        .reshape(-1)[: n * n_domains]
-        .reshape(n, n_domains)
-    )
+    keys = jax.random.split(jax.random.key(0), n_domains)
+    balls = []
+    for first in range(0, n * n_domains, LANES):
+        lanes = np.arange(first, first + LANES) % (n * n_domains)  # the last block is filled up: one program for all
+        places = jax.tree.map(lambda leaf, lanes=lanes: leaf[lanes % n_domains], domains)
+        balls.append(
+            _rollouts(family.command, steps, family.parameters[lanes // n_domains], places, keys[lanes % n_domains])
+        )
+    return np.concatenate(balls)[: n * n_domains].reshape(n, n_domains)
 
 
 def most(family: Family, per_domain: np.ndarray) -> np.ndarray:
