@@ -130,6 +130,7 @@ def _check_workers(workers: int) -> None:
 
 def _run(options: argparse.Namespace, rest: list[str]) -> "Run[RunSettings]":
     """The run that a stage is for: begun by `--task`, or found in `--out`."""
+    from qboot.study.pipeline import profiles
     from qboot.study.store import runs
 
     if options.task is None:
@@ -140,6 +141,7 @@ def _run(options: argparse.Namespace, rest: list[str]) -> "Run[RunSettings]":
             raise ValueError(f"{' '.join(given + rest)} without --task: a run that exists has its settings already")
         return runs.load(options.out)
     settings = _settings(options, rest)
+    profiles.check(settings)
     return runs.create(options.out or runs.folder_of(Path("results") / settings.profile, settings), settings)
 
 

@@ -101,7 +101,7 @@ def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     if not ready:
         raise RunError(
             f"{study} has no run of {task} with extracted actions and sensors: "
-            "make some with `qboot reproduce`, or with `qboot evolve` and `qboot extract`"
+            f"make one with `qboot evolve --task TASK --out {study / task}/A-0` and `qboot extract` there"
         )
     return sorted(ready, key=lambda run: (run.settings.seed, run.settings.source))
 
