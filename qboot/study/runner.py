@@ -22,7 +22,7 @@ from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.pipeline.table import STAGES
-from qboot.study.store import runs
+from qboot.study.store import provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.settings import RunSettings
 
@@ -133,10 +133,17 @@ def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_r
     arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
 
     def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+        return all(job.is_over or _is_extracted(job.folder) for job in of_runs)
 
     name = get_task(task).name
     return Job(f"{name} {what}", status, folder_of_cells(out, name, what), {"ablate": arguments}, is_ready)
+
+
+def _is_extracted(folder: Path) -> bool:
+    try:
+        return provenance.is_whole(runs.load(folder), "sensors.npz")
+    except RunError:
+        return False
 
 
 def _do_steps(job: Job) -> str:
