@@ -137,7 +137,7 @@ def divergence(learning: Learning, settings: LearnerSettings) -> str:
 def keep_diverged(output: Output, history_name: str, learning: Learning) -> None:
     """Write the history of a learner that diverged, as far as it is numbers; it is no result of the run."""
     is_number = np.isfinite([learning.history[name] for name in COLUMNS]).all(axis=0)
-    n = len(is_number) if is_number.all() else int(np.argmin(is_number))
+    n = learning.episodes if is_number.all() else int(np.argmin(is_number))
     history = {name: values[:n] for name, values in learning.history.items()}
     files.write_csv(output.run.file(provenance.diverged_name(history_name)), history)
 

@@ -232,9 +232,7 @@ def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree
 def pick(arrays: Mapping[str, np.ndarray], name: str, origin: Path) -> np.ndarray:
     """One of the named arrays read from `origin`; raises RunError if there is none of this name."""
     if name not in arrays:
-        raise RunError(
-            f"{origin} lacks {name}: it is not of this version; delete it and run the stage that makes it again"
-        )
+        raise RunError(f"{origin} lacks {name}: it is not of this version: delete it and run the stage that makes it")
     return arrays[name]
 
 

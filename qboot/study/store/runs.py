@@ -176,7 +176,7 @@ def _from_plain(cls: type, values: Any, config: Path) -> Any:
     built = {}
     for name, value in values.items():
         kind = fields[name]
-        if dataclasses.is_dataclass(kind):
+        if isinstance(kind, type) and dataclasses.is_dataclass(kind):
             built[name] = _from_plain(kind, value, config)
         else:
             built[name] = tuple(value) if isinstance(value, list) else value
