@@ -6,8 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
+from qboot.envs.task import Task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import Evolved, conditions
+from qboot.study.controls.conditions import LAGS, Evolved, conditions
 from qboot.study.pipeline import extracting
 from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
@@ -43,7 +44,7 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     task = get_task(task_name)
     names = conditions(task, what)
     evolved = _evolved(study, task.name)
-    cells = {}
+    planned = {}
     for condition in names:
         for seed in range(n_runs):
             folder = folder_of(study, task.name, what) / condition / str(seed)
@@ -69,8 +70,21 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 episodes=n_episodes,
                 lanes=lanes,
             )
-            cells[runs.create(folder, settings)] = run
-    return cells
+            _check_lags(settings, task)
+            planned[folder] = settings, run
+    return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+
+
+def _check_lags(settings: CellSettings, task: Task) -> None:
+    """Refuse a learner that remembers less than inputs of the experiment need."""
+    needed = LAGS if settings.what == "sensors" else 0
+    if task.expert:
+        needed = max(needed, len(task.expert.sensors))
+    if needed > settings.learner.lags:
+        raise ValueError(
+            f"the experiment {settings.what} has inputs of {needed} past steps, but {settings.evolved} was begun with "
+            f"learner.lags = {settings.learner.lags}: begin a run with --learner.lags {needed}"
+        )
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:

@@ -48,12 +48,15 @@ class Stage(NamedTuple):
         used as long as this stage makes the same again, byte for byte, and counts as outdated otherwise.
 
         Raises:
+            ValueError: for settings that cannot work.
             RunError: if a file that it needs is missing, damaged or outdated, or the folder is in use.
         """
+        from qboot.study.pipeline.checks import check
         from qboot.study.store import files, lock, output, provenance
 
         if self.is_done(run) and not any(run.file(name).exists() for name in self.passing):
             return
+        check(run.settings)
         with lock.owned(run.folder):
             if not self.is_done(run):
                 provenance.require(run, *self.recipe.needs)
