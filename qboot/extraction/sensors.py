@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qboot.extraction.threads import one_thread
 from qboot.extraction.traces import Trace
 
 RULES = ("bic", "bic_traces", "bic_rows", "fixed")
@@ -117,6 +118,7 @@ def majority(kept: np.ndarray) -> np.ndarray:
     return elected if elected.any() else votes == votes.max()
 
 
+@one_thread()
 def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
     """A lasso model for every sensor: o_j(t) from all sensors at t-1 .. t-L, all standardised.
 
@@ -148,6 +150,7 @@ def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: Sensor
     return SensorVotes(kept.reshape(n_sensors, lags, n_sensors), alphas, explained, sums.n_traces, sums.n_rows)
 
 
+@one_thread()
 def sum_rows(observations: Iterable[np.ndarray], lags: int) -> Sums:
     """The sums over all traces longer than `lags`; errors as `sensor_votes`."""
     if lags < 1:
