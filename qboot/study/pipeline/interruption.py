@@ -47,21 +47,22 @@ def run_interruptible(work: Callable[[], None]) -> None:
     """
     global is_left
     errors: list[BaseException] = []
+    done = threading.Event()
 
     def attempt() -> None:
         try:
             work()
         except BaseException as error:
             errors.append(error)
+        finally:
+            done.set()
 
-    thread = threading.Thread(target=attempt, daemon=True)
     with _signals_raise():
-        thread.start()
+        threading.Thread(target=attempt, daemon=True).start()
         try:
-            while thread.is_alive():
-                thread.join(60.0)
+            done.wait()  # an interrupted `join` would take the thread for ended
         except KeyboardInterrupt:
-            is_left = thread.is_alive()
+            is_left = not done.is_set()
             for action in list(_actions.values()):
                 action()
             raise
