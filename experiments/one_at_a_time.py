@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from qboot.study.pipeline import table
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
@@ -47,8 +47,10 @@ def variant(source: Run, folder: Path, settings: RunSettings) -> np.ndarray:
     """Scores (episodes,) of Q-learning on the lineage of `source` with other settings."""
     run = runs.create(folder, settings)
     for name in ("history.csv", "lineage.npz", "pareto.npz"):
-        if not run.file(name).exists():
+        if not provenance.is_whole(run, name):
+            provenance.require(source, name)
             shutil.copy(source.file(name), run.file(name))
+            provenance.record(run, name, files.digest(run.file(name)))
     for stage in ("extract", "learn"):
         table.stage(stage).do(run)
     return np.array(files.read_csv(run.file("qlearning.csv"))["score"], float)

@@ -19,7 +19,8 @@ from qboot.study.analysis.statistics import quartiles
 from qboot.study.controls.cells import find
 from qboot.study.controls.conditions import WHATS
 from qboot.study.report.templating import as_number, as_title
-from qboot.study.store import files, runs
+from qboot.study.store import provenance, runs
+from qboot.study.store.artifacts import read_arrays, read_columns
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
@@ -54,26 +55,26 @@ def first_at_least(values: list[str], score: float, positions: list[str]) -> str
 def row(run: Run[RunSettings]) -> list[str]:
     """The cells of a run; stages that were not done leave dashes."""
     high, top, learned = goals(run)
-    history = files.read_csv(run.file("history.csv"))
+    history = read_columns(run, "history.csv")
     cells = [
         f"{run.settings.source}-{run.settings.seed}",
         first_at_least(history["best"], high, history["generation"]),
         first_at_least(history["best"], top, history["generation"]),
         f"{float(history['best'][-1]):g}",
-        str(len(files.read_npz(run.file("lineage.npz"))["ids"])),
+        str(len(read_arrays(run, "lineage.npz")["ids"])),
     ]
-    if run.file("sensors.npz").exists():
-        actions = files.read_npz(run.file("actions.npz"))
+    if provenance.is_whole(run, "sensors.npz"):
+        actions = read_arrays(run, "actions.npz")
         durations = np.percentile(actions["durations"], [25, 50, 75])
         cells += [f"{int(actions['n_segments']):,}", ", ".join(f"{d:g}" for d in durations)]
-        cells.append(str(int(files.read_npz(run.file("sensors.npz"))["selected"].sum())))
-    if run.file("qnets.npz").exists():
-        learning = files.read_csv(run.file("qlearning.csv"))
+        cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
+    if provenance.is_whole(run, "qnets.npz"):
+        learning = read_columns(run, "qlearning.csv")
         scores = np.array(learning["score"], float)
         cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
         cells.append(f"{scores[-100:].mean():.2f}")
-    if run.file("generalisation.csv").exists():
-        found = files.read_csv(run.file("generalisation.csv"))
+    if provenance.is_whole(run, "generalisation.csv"):
+        found = read_columns(run, "generalisation.csv")
         for method in ("ER", "QL"):
             values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
             cells.append(f"{sum(values):g}")
@@ -82,7 +83,7 @@ def row(run: Run[RunSettings]) -> list[str]:
 
 def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
     """Learning in new domains, a line for each measure and a column for each run that has it."""
-    done = [run for run in some if run.file("transfer.csv").exists()]
+    done = [run for run in some if provenance.is_whole(run, "transfer.csv")]
     if not done:
         return []
     lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
@@ -144,7 +145,7 @@ def of_study(study: Path) -> dict[str, list[list[str]]]:
     found = {}
     for task_name, some in by_task.items():
         name = as_title(task_name)
-        evolved = [run for run in some if run.file("history.csv").exists()]
+        evolved = [run for run in some if provenance.is_whole(run, "history.csv")]
         columns = header(some[0])
         found[f"{name}: runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
         if transferred := transfer_table(some):

@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from qboot.extraction.threads import one_thread
+
 if TYPE_CHECKING:  # the settings choose one of the methods
     from qboot.extraction.actions import ActionSettings
 
@@ -87,6 +89,7 @@ def cluster(
     return found._replace(centres=found.centres * unit + origin)
 
 
+@one_thread()
 def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarray:
     from sklearn.cluster import kmeans_plusplus  # takes a second to import: only those who cluster pay
 

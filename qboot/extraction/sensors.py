@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qboot.extraction import forest
+from qboot.extraction.threads import one_thread
 from qboot.extraction.traces import Trace
 
 RULES = ("bic", "bic_traces", "bic_rows", "fixed")
@@ -122,6 +123,7 @@ def majority(kept: np.ndarray) -> np.ndarray:
     return elected if elected.any() else votes == votes.max()
 
 
+@one_thread()
 def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
     """A lasso model for every sensor: o_j(t) from all sensors at t-1 .. t-L, all standardised.
 
@@ -172,6 +174,7 @@ def sum_rows(observations: Iterable[np.ndarray], lags: int) -> Sums:
     return _sum_pairs(((trace, trace) for trace in observations), lags)
 
 
+@one_thread()
 def _sum_pairs(traces: Iterable[tuple[np.ndarray, np.ndarray]], lags: int) -> Sums:
     """The sums of targets (T, M) and observations (T, S); errors as `sensor_votes`."""
     if lags < 1:

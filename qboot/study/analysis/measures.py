@@ -17,7 +17,7 @@ from qboot.study.analysis.curves import (
 )
 from qboot.study.analysis.statistics import episodes_to, on_grid
 from qboot.study.store import files
-from qboot.study.store.artifacts import read_actions, read_inputs, read_lineage
+from qboot.study.store.artifacts import read_actions, read_arrays, read_inputs, read_lineage
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -78,8 +78,7 @@ def _target_score(method: str, run: Run[RunSettings]) -> Sample:
 
 
 def _extraction(name: str, run: Run[RunSettings]) -> Sample:
-    path = run.file("actions.npz")
-    return _one(float(files.pick(files.read_npz(path), name, path)))
+    return _one(float(files.pick(read_arrays(run, "actions.npz"), name, run.file("actions.npz"))))
 
 
 _EVOLVING = ("population", "generations", "n_steps")

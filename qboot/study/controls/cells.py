@@ -1,18 +1,24 @@
 """The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study."""
 
 import functools
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
+from qboot.envs.task import Task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import Evolved, conditions
+from qboot.study.controls.conditions import LAGS, Evolved, conditions
 from qboot.study.pipeline import extracting
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import EQUIP, EXTRACT, LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
 
+# What a finished cell holds.
+FILES = (*EQUIP.makes, *LEARN_CELL.makes)
 Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
 
 
@@ -38,12 +44,12 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     task = get_task(task_name)
     names = conditions(task, what)
     evolved = _evolved(study, task.name)
-    cells = {}
+    planned = {}
     for condition in names:
         for seed in range(n_runs):
             folder = folder_of(study, task.name, what) / condition / str(seed)
             # A cell stays with its evolved run when there are more of them later.
-            known = runs.load(folder, CellSettings).settings.evolved if (folder / "config.json").exists() else None
+            known = _known_evolved(folder)
             by_name = {run.folder.name: run for run in evolved}
             if known is not None and known not in by_name:
                 raise RunError(f"{folder} was begun from the run {known}, which is gone: make it again, or delete both")
@@ -64,30 +70,83 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 episodes=n_episodes,
                 lanes=lanes,
             )
-            cells[runs.create(folder, settings)] = run
-    return cells
+            _check_lags(settings, task)
+            planned[folder] = settings, run
+    return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+
+
+def _check_lags(settings: CellSettings, task: Task) -> None:
+    """Refuse a learner that remembers less than inputs of the experiment need."""
+    needed = LAGS if settings.what == "sensors" else 0
+    if task.expert:
+        needed = max(needed, len(task.expert.sensors))
+    if needed > settings.learner.lags:
+        raise ValueError(
+            f"the experiment {settings.what} has inputs of {needed} past steps, but {settings.evolved} was begun with "
+            f"learner.lags = {settings.learner.lags}: begin a run with --learner.lags {needed}"
+        )
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
     """The finished cells of an experiment by condition; conditions without any are left out."""
-    found = {}
-    for condition in conditions(get_task(task_name), what):
-        folders = (folder_of(study, get_task(task_name).name, what) / condition).glob("*/qlearning.csv")
-        by_seed = sorted(folders, key=lambda path: int(path.parent.name))
-        if by_seed:
-            found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
+    found: dict[str, list[Run[CellSettings]]] = {}
+    for condition, cell in _begun(study, task_name, what):
+        if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
+            found.setdefault(condition, []).append(cell)
     return found
+
+
+def faults(study: Path, task_name: str, what: str) -> list[str]:
+    """Why cells of an experiment that were begun are not among the finished ones, a line each."""
+    words = []
+    for _, cell in _begun(study, task_name, what):
+        try:
+            if isinstance(cell, str):
+                words.append(cell)
+            else:
+                provenance.require(cell, *FILES)
+        except RunError as error:
+            words.append(str(error))
+    return words
+
+
+def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[CellSettings] | str]]:
+    """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
+    task = get_task(task_name)
+    for condition in conditions(task, what):
+        configs = (folder_of(study, task.name, what) / condition).glob("*/config.json")
+        by_seed = (path.parent for path in configs if path.parent.name.isdecimal())
+        for folder in sorted(by_seed, key=lambda folder: int(folder.name)):
+            try:
+                yield condition, runs.load(folder, CellSettings)
+            except RunError as error:
+                yield condition, str(error)
+
+
+def _known_evolved(folder: Path) -> str | None:
+    """The evolved run of a cell that was begun; None for a new one. What cannot be read is set aside."""
+    config = folder / "config.json"
+    if not config.exists():
+        return None
+    try:
+        return runs.load(folder, CellSettings).settings.evolved
+    except runs.Damaged:
+        files.set_aside(config, "is damaged")
+        return None
 
 
 def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
     """Write what a cell learns with: actions.npz and sensors.npz, as the stage extract does for a run."""
-    if cell.file("actions.npz").exists() and cell.file("sensors.npz").exists():
+    provenance.record_evolved(cell, evolved)
+    output = Output(cell, EQUIP)
+    if all(output.has(name) for name in EQUIP.makes):
         return
+    provenance.set_aside_faulty(cell, EQUIP)
     settings = cell.settings
     condition = conditions(get_task(settings.task), settings.what)[settings.condition]
     origin = Evolved(evolved, lambda: _segments(evolved))
-    files.write_npz(cell.file("actions.npz"), files.to_arrays(condition.actions(settings, origin)))
-    files.write_npz(cell.file("sensors.npz"), {"selected": condition.sensors(settings, origin)})
+    output.write_npz("actions.npz", files.to_arrays(condition.actions(settings, origin)))
+    output.write_npz("sensors.npz", {"selected": condition.sensors(settings, origin)})
 
 
 def folder_of(study: Path, task: str, what: str) -> Path:
@@ -97,7 +156,8 @@ def folder_of(study: Path, task: str, what: str) -> Path:
 
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     """Runs that actions and sensors were extracted from, the sources in turn."""
-    ready = [run for run in runs.find(study) if run.task_name == task and run.file("sensors.npz").exists()]
+    known = [run for run in runs.find(study) if run.task_name == task]
+    ready = [run for run in known if all(provenance.is_whole(run, name) for name in EXTRACT.makes)]
     if not ready:
         raise RunError(
             f"{study} has no run of {task} with extracted actions and sensors: "

@@ -6,6 +6,7 @@ interrupted, deleted and made again one by one.
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -19,11 +20,13 @@ from qboot.qlearning.learner import LearnerState
 from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
 from qboot.study.pipeline import learning, loop
-from qboot.study.pipeline.learning import Learning
+from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
-from qboot.study.store import files
+from qboot.study.store import files, lock, provenance
 from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings
 
@@ -32,6 +35,7 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise.
 LANES = 5
+CHECKPOINT = "learn.checkpoint.npz"
 
 learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
 """`qlearning.learn` for stacked states and problems (leading axis)."""
@@ -58,12 +62,23 @@ def learn_cells(cells: Cells, workers: int) -> None:
     Args:
         cells: all cells of one experiment, and the evolved run of each.
         workers: programs at a time, >= 1; they do not change results.
+
+    Raises:
+        Diverged: if learners diverged, when the others are done.
+        RunError: if another process learns in these cells.
     """
+    with lock.owned(next(iter(cells)).folder.parents[1]):
+        _learn_cells(cells, workers)
+
+
+def _learn_cells(cells: Cells, workers: int) -> None:
     first = next(iter(cells)).settings
     for cell, evolved in cells.items():
         folders.equip(cell, evolved)
     padded = padded_to(list(cells))
-    pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    for cell in pending:
+        provenance.set_aside_faulty(cell, LEARN_CELL)
     started = {cell: _begin(cell, padded) for cell in pending}
     done = {cell: first.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
     total = len(cells) * first.episodes
@@ -76,7 +91,9 @@ def learn_cells(cells: Cells, workers: int) -> None:
 
         blocks = _blocks(started, first.lanes)
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda block: _learn_block(block, padded, report), blocks))
+            diverged = list(pool.map(lambda block: _learn_block(block, padded, report), blocks))
+    if words := [line for lines in diverged for line in lines]:
+        raise Diverged("; ".join(words))
 
 
 def padded_to(cells: list[Cell]) -> Padded:
@@ -118,11 +135,11 @@ def _blocks(started: dict[Cell, Learning], lanes: int) -> list[dict[Cell, Learni
 
 def _begin(cell: Cell, padded: Padded) -> Learning:
     state = qlearning.init(key_of_cell(cell), problem_of(cell, padded), padded.capacity)
-    return learning.begin(state, cell.file("learn.checkpoint.npz"))
+    return Output(cell, LEARN_CELL).restored(CHECKPOINT, partial(learning.restored, state)) or learning.begin(state)
 
 
-def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> None:
-    """Learn in a block of cells, side by side, to their ends."""
+def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> list[str]:
+    """Learn in a block of cells, side by side, to their ends; a line for each that diverged, others go on."""
     cells = list(begun)
     settings = cells[0].settings
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
@@ -140,7 +157,8 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
 
     def save(block: Block) -> None:
         for cell, each in zip(cells, block.learners, strict=True):
-            learning.save(each, cell.file("learn.checkpoint.npz"))
+            if not learning.divergence(each, settings.learner):
+                Output(cell, LEARN_CELL).save(CHECKPOINT, learning.saved(each))
 
     work = Work(
         total=settings.episodes,
@@ -150,9 +168,16 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
         report=lambda block: report(cells, block.learners[0].episodes),
     )
     end = loop.advance(work, start)
+    diverged = []
     for cell, each in zip(cells, end.learners, strict=True):
-        files.write_csv(cell.file("qlearning.csv"), each.history)
-        cell.file("learn.checkpoint.npz").unlink(missing_ok=True)
+        output = Output(cell, LEARN_CELL)
+        if words := learning.divergence(each, settings.learner):
+            learning.keep_diverged(output, "qlearning.csv", each)
+            diverged.append(f"{cell.folder}: {words}")
+        else:
+            output.write_csv("qlearning.csv", each.history)
+            files.remove(cell.file(CHECKPOINT))
+    return diverged
 
 
 def _stack(trees: list[Tree]) -> Tree:

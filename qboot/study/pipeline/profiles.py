@@ -9,7 +9,6 @@ from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
 from qboot.neuroevolution.dnn import DnnSettings
-from qboot.neuroevolution.problem import check_dnn
 from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.store.settings import RunSettings
@@ -119,24 +118,6 @@ def settings_of(name: str, profile: str, source: str, seed: int) -> RunSettings:
         target_episodes=size.target_episodes,
         target_generations=size.target_generations,
     )
-
-
-def check(settings: RunSettings) -> None:
-    """Refuse settings that do not fit their task or each other, before anything is written.
-
-    Raises:
-        ValueError: for an unknown task, source or physics, networks that do not fit the task, or sensors chosen from
-            further back than the learner remembers.
-    """
-    task = get_task(settings.task, settings.physics)
-    if settings.source not in task.sources:
-        raise ValueError(f"unknown source {settings.source!r} of {task.name}: choose one of {', '.join(task.sources)}")
-    check_dnn(task, settings.dnn)
-    if settings.sensors.lags > settings.learner.lags:
-        raise ValueError(
-            f"sensors.lags is {settings.sensors.lags}, but the learner remembers learner.lags = "
-            f"{settings.learner.lags} observations: it must not be more"
-        )
 
 
 def runs_of(name: str, profile: str) -> list[RunSettings]:
