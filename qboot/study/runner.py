@@ -16,15 +16,10 @@ from pathlib import Path
 import jax
 from tqdm import tqdm
 
-from qboot.envs.registry import BUILT_IN, get_task
-from qboot.study.controls.cells import folder_of as folder_of_cells
-from qboot.study.controls.conditions import WHATS
-from qboot.study.pipeline import profiles
+from qboot.study import jobs as plan
 from qboot.study.pipeline.progress import STATUS_VARIABLE
-from qboot.study.pipeline.table import STAGES
 from qboot.study.store import runs
 from qboot.study.store.files import RunError
-from qboot.study.store.settings import RunSettings
 
 # A stage that fails is run once more: it may have been killed for memory.
 TRIES = 2
@@ -40,7 +35,7 @@ class Job:
     label: str
     status: Path
     folder: Path
-    steps: dict[str, list[str]]  # arguments of `qboot` by name of the step
+    steps: dict[str, tuple[str, ...]]  # arguments of `qboot` by name of the step
     is_ready: Callable[[], bool] = lambda: True  # whether what it reads is there
     is_over: bool = False
     error: str = ""  # in words, once it is over
@@ -55,19 +50,19 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    tasks = [task] if task else list(BUILT_IN)
-    settings = {name: profiles.runs_of(name, profile) for name in tasks}
-    for of_task in settings.values():
-        for run in of_task:
-            runs.create(runs.folder_of(out, run), run)
+    table = plan.jobs_of(profile, task, out)
+    for each in table:
+        if each.run:
+            runs.create(each.folder, each.run)
     with tempfile.TemporaryDirectory() as scratch:
         status = (Path(scratch) / f"{i}.json" for i in itertools.count())
-        of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
-        # Those of the slower simulation first, so that the cores are busy to the end.
-        of_sweeps = [
-            _sweep_job(out, name, what, profile, next(status), of_runs[name]) for name in tasks[::-1] for what in WHATS
+        # The stages of a run follow each other; a control experiment waits for the runs of its task.
+        of_runs = [
+            _run_job(list(stages), next(status))
+            for _, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.folder)
         ]
-        everything = [job for of_task in of_runs.values() for job in of_task] + of_sweeps
+        of_sweeps = [_sweep_job(each, next(status), of_runs) for each in table if not each.run]
+        everything = of_runs + of_sweeps
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
     errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
     if errors:
@@ -122,21 +117,19 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         worker.result()
 
 
-def _run_job(out: Path, run: RunSettings, status: Path) -> Job:
-    folder = runs.folder_of(out, run)
-    steps = {stage.name: [stage.name, "--out", str(folder)] for stage in STAGES}
-    return Job(f"{get_task(run.task).name} {run.source}-{run.seed}", status, folder, steps)
+def _run_job(stages: list[plan.Job], status: Path) -> Job:
+    steps = {stage.step: stage.arguments for stage in stages}
+    return Job(f"{stages[0].task} {stages[0].what}", status, stages[0].folder, steps)
 
 
-def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_runs: list[Job]) -> Job:
+def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
+    before = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in before)
 
-    name = get_task(task).name
-    return Job(f"{name} {what}", status, folder_of_cells(out, name, what), {"ablate": arguments}, is_ready)
+    return Job(control.label, status, control.folder, {control.step: control.arguments}, is_ready)
 
 
 def _do_steps(job: Job) -> str:
