@@ -19,7 +19,8 @@ class Job(NamedTuple):
     """One process of a study: a stage of a run, or a control experiment."""
 
     label: str  # for people: task, run or experiment, stage
-    task: str  # short name
+    task: str  # as `qboot.envs.get_task` finds it
+    profile: str
     step: str  # the stage, or "ablate"
     what: str  # SOURCE-SEED of a run, or the name of an experiment
     folder: Path  # of the run, or of the experiment
@@ -28,6 +29,11 @@ class Job(NamedTuple):
     makes: tuple[Path, ...]  # it is done when all of them are there
     is_parallel: bool  # whether it makes use of several workers
     run: RunSettings | None = None  # of a stage
+
+    @property
+    def task_name(self) -> str:
+        """The short name of the task."""
+        return get_task(self.task).name
 
     @property
     def is_done(self) -> bool:
@@ -65,7 +71,8 @@ def _stage_job(out: Path, run: RunSettings, stage: Stage) -> Job:
     begin = ("--task", run.task, "--profile", run.profile, "--source", run.source, "--seed", str(run.seed))
     return Job(
         label=f"{name} {folder.name} {stage.name}",
-        task=name,
+        task=run.task,
+        profile=run.profile,
         step=stage.name,
         what=folder.name,
         folder=folder,
@@ -85,7 +92,8 @@ def _control_job(out: Path, task: str, what: str, profile: str, of_runs: list[Ru
     cells = [(condition, seed) for condition in conditions(get_task(task), what) for seed in range(size.runs)]
     return Job(
         label=f"{name} {what}",
-        task=name,
+        task=task,
+        profile=profile,
         step=ABLATE,
         what=what,
         folder=folder,

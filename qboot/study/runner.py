@@ -10,12 +10,13 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
 from tqdm import tqdm
 
+from qboot.study import costs
 from qboot.study import jobs as plan
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.store import runs
@@ -36,6 +37,8 @@ class Job:
     status: Path
     folder: Path
     steps: dict[str, tuple[str, ...]]  # arguments of `qboot` by name of the step
+    parts: dict[str, float] = field(default_factory=dict)  # what each part of the steps costs, by name, in their order
+    before: float = 0.0  # of these costs, what earlier starts of the study have done
     is_ready: Callable[[], bool] = lambda: True  # whether what it reads is there
     is_over: bool = False
     error: str = ""  # in words, once it is over
@@ -119,7 +122,9 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
 
 def _run_job(stages: list[plan.Job], status: Path) -> Job:
     steps = {stage.step: stage.arguments for stage in stages}
-    return Job(f"{stages[0].task} {stages[0].what}", status, stages[0].folder, steps)
+    parts = {name: seconds for stage in stages for name, seconds in costs.of_usual(stage).items()}
+    before = sum(sum(costs.of_usual(stage).values()) for stage in stages if stage.is_done)
+    return Job(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
 
 
 def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
@@ -129,7 +134,9 @@ def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
     def is_ready() -> bool:
         return all(job.is_over or (job.folder / "sensors.npz").exists() for job in before)
 
-    return Job(control.label, status, control.folder, {control.step: control.arguments}, is_ready)
+    steps, parts = {control.step: control.arguments}, costs.of_usual(control)
+    before = sum(parts.values()) if control.is_done else 0.0
+    return Job(control.label, status, control.folder, steps, parts, before, is_ready)
 
 
 def _do_steps(job: Job) -> str:
@@ -157,27 +164,35 @@ def _note_time(folder: Path, stage: str, seconds: float) -> None:
 
 
 def _watch(some: list[Job]) -> None:
-    """Show how far all jobs are until they are over."""
-    total = sum(len(job.steps) for job in some)
+    """Show how far all jobs are, by what they cost, until they are over."""
     form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
     interval = 1.0 if sys.stderr.isatty() else 10.0  # a file is not filled with bars
-    with tqdm(total=float(total), desc="study", bar_format=form, dynamic_ncols=True, mininterval=interval) as bar:
+    look = {"bar_format": form, "dynamic_ncols": True, "mininterval": interval, "smoothing": 0}
+    total = sum(sum(job.parts.values()) for job in some)
+    with tqdm(total=total, initial=sum(job.before for job in some), desc="study", **look) as bar:
         while True:
             over = all(job.is_over for job in some)
-            done, texts = 0.0, []
-            for job in some:
-                status = _read_status(job.status)
-                if job.is_over:
-                    done += len(job.steps)
-                elif status:
-                    finished = [i for i, step in enumerate(job.steps) if status["label"].startswith(step)]
-                    done += (finished or [len(job.steps) - 1])[0] + status["done"] / max(status["total"], 1)
-                    texts.append(f"{status['label']} {status['done']}/{status['total']} {status['text']}")
+            statuses = {job.label: _read_status(job.status) for job in some}
+            done = sum(_seconds_done(job, statuses[job.label]) for job in some)
+            running = [status for job in some if (status := statuses[job.label]) and not job.is_over]
+            texts = [f"{status['label']} {status['done']}/{status['total']} {status['text']}" for status in running]
             bar.set_postfix_str(" | ".join(texts), refresh=False)
             bar.update(done - bar.n)
             if over:
                 return
             time.sleep(SECONDS_BETWEEN_LOOKS)
+
+
+def _seconds_done(job: Job, status: dict | None) -> float:
+    """How much of what a job costs is done, given its last status."""
+    names = list(job.parts)
+    if job.is_over:
+        return sum(job.parts.values())
+    part = status["label"].split()[0] if status else None
+    if part not in job.parts:
+        return job.before
+    done = sum(job.parts[name] for name in names[: names.index(part)])
+    return done + job.parts[part] * status["done"] / max(status["total"], 1)
 
 
 def _read_status(path: Path) -> dict | None:
