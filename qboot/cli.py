@@ -140,6 +140,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--task", help="one task alone; default those of the paper")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--jobs", type=int, help="runs at a time; default one per core")
+    sub.add_argument(
+        "--dry-run", action="store_true", help="list the jobs and the core-hours left on this machine; start nothing"
+    )
+    command("workflow", "where the workflow for Snakemake is: docs/cluster.md", _workflow)
     return parser
 
 
@@ -231,9 +235,21 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.report import page
 
     out = options.out or Path("results") / options.profile
+    if options.dry_run:
+        from qboot.study import dry_run
+
+        for line in dry_run.lines(options.profile, options.task, out):
+            print(line)
+        return
     runner.share_compiled_programs(out)
     runner.reproduce(options.profile, options.task, out, options.jobs)
     print(page.write(out))
+
+
+def _workflow(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study import workflow
+
+    print(workflow.SNAKEFILE)
 
 
 if __name__ == "__main__":
