@@ -163,10 +163,10 @@ def _run_job(stages: list[plan.Job], status: Path) -> Job:
 
 def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    before = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
+    awaited = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or _is_extracted(job.folder) for job in before)
+        return all(job.is_over or _is_extracted(job.folder) for job in awaited)
 
     steps, parts = {control.step: control.arguments}, costs.of_usual(control)
     before = sum(parts.values()) if control.is_done else 0.0
@@ -230,7 +230,7 @@ def _seconds_done(job: Job, status: dict | None) -> float:
     if job.is_over:
         return sum(job.parts.values())
     part = status["label"].split()[0] if status else None
-    if part not in job.parts:
+    if status is None or part not in job.parts:
         return job.before
     done = sum(job.parts[name] for name in names[: names.index(part)])
     return done + job.parts[part] * status["done"] / max(status["total"], 1)
