@@ -183,8 +183,9 @@ def _settings(options: argparse.Namespace, rest: list[str]) -> "RunSettings":
     from qboot.envs import get_task
     from qboot.study.pipeline import profiles
 
-    source = options.source or get_task(options.task).sources[0]
-    settings = profiles.settings_of(options.task, options.profile or "quick", source, options.seed or 0)
+    source = get_task(options.task).sources[0] if options.source is None else options.source
+    profile = "quick" if options.profile is None else options.profile
+    settings = profiles.settings_of(options.task, profile, source, options.seed or 0)
     if not rest:
         return settings
     import tyro
