@@ -149,6 +149,10 @@ def test_braxs_ppo_trains(name):
     import brax.envs
     from brax.training.agents.ppo import networks, train
 
+    from qboot.envs import brax_learners
+
+    brax_learners.mend()
+
     physics = {"physics": "kinematic"} if name == "qboot_box_pushing" else {}
     env = brax.envs.get_environment(name, domains="source", action_range=(-1.0, 1.0), **physics)
     seen = []
