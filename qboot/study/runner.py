@@ -129,10 +129,10 @@ def _run_job(stages: list[plan.Job], status: Path) -> Job:
 
 def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    before = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
+    its_runs = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in before)
+        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in its_runs)
 
     steps, parts = {control.step: control.arguments}, costs.of_usual(control)
     before = sum(parts.values()) if control.is_done else 0.0
