@@ -11,7 +11,7 @@
 # 3. The files of both must be the same. The daemons are stopped in any case.
 set -euo pipefail
 FOLDER=$(realpath "${1:-$(mktemp -d)}")
-TASK=${TASK:-ball_collecting}
+TASK=${TASK:-$(realpath "$(dirname "$0")/../../examples/point_robot.py"):TASK}
 PYTHON=${PYTHON:-python3}
 HERE=$(dirname "$(realpath "$0")")
 mkdir -p "$FOLDER"/{state,spool,jobs}
