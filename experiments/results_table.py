@@ -12,7 +12,13 @@ import numpy as np
 
 from qboot.study.analysis import appendix
 from qboot.study.analysis.appendix import Table
-from qboot.study.analysis.control_measures import average_performance, n_inputs, performance, steps
+from qboot.study.analysis.control_measures import (
+    average_performance,
+    common_episodes,
+    n_inputs,
+    performance,
+    steps,
+)
 from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.measures import RUN_MEASURES
 from qboot.study.analysis.statistics import quartiles
@@ -88,7 +94,8 @@ def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
     lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
     lines.append(["---"] * len(lines[0]))
     for name in ON_TARGET:
-        values = [float(RUN_MEASURES[name].read(run).values[0]) for run in done]
+        measure = RUN_MEASURES[name]
+        values = [measure.over([measure.read(run)]).quartiles.median for run in done]
         lines.append([name.removesuffix(", target"), *(as_number(v) if np.isfinite(v) else "-" for v in values)])
     return lines
 
@@ -109,10 +116,10 @@ def control_table(cells: dict[str, list[Run[CellSettings]]]) -> list[list[str]]:
     }
     lines = [["condition", "learners", "episodes", *measures]]
     lines.append(["---"] * len(lines[0]))
+    episodes = common_episodes(cells)
     for condition, some in cells.items():
-        episodes = " or ".join(sorted({str(cell.settings.episodes) for cell in some}))
-        values = [in_short([measure(cell) for cell in some]) for measure in measures.values()]
-        lines.append([condition, str(len(some)), episodes, *values])
+        values = [in_short([measure(cell, episodes) for cell in some]) for measure in measures.values()]
+        lines.append([condition, str(len(some)), str(episodes), *values])
     return lines
 
 

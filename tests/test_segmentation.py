@@ -6,6 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.segmentation import (
+    LONG_SEGMENTS,
     SEGMENTATIONS,
     Segments,
     cut_segments,
@@ -159,6 +160,19 @@ def test_cut_segments_send_the_same_commands():
     assert parts.durations.tolist()[:6] == [1, 5, 10, 5, 6, 10]
     with pytest.raises(ValueError, match="longest"):
         cut_segments(segments, 0)
+
+
+def test_long_segments_are_clipped_or_dropped():
+    """Three pieces of a hundred steps would be three points of the same line; clipped it is one, dropped none."""
+    random = np.random.default_rng(0)
+    segments = Segments(random.normal(size=(4, 2)), random.normal(size=(4, 2)), np.array([1, 20, 21, 300]))
+    clipped, dropped = (LONG_SEGMENTS[name](segments, 20) for name in ("clip", "drop"))
+    assert clipped.durations.tolist() == [1, 20, 20, 20] and dropped.durations.tolist() == [1, 20]
+    np.testing.assert_array_equal(clipped.slopes, segments.slopes)
+    np.testing.assert_array_equal(dropped.intercepts, segments.intercepts[:2])
+    for handle in LONG_SEGMENTS.values():
+        with pytest.raises(ValueError, match="longest"):
+            handle(segments, 0)
 
 
 def flow_of(segments):

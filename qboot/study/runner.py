@@ -8,7 +8,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,9 +64,7 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
         status = (Path(scratch) / f"{i}.json" for i in itertools.count())
         of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
         # Those of the slower simulation first, so that the cores are busy to the end.
-        of_sweeps = [
-            _sweep_job(out, name, what, profile, next(status), of_runs[name]) for name in tasks[::-1] for what in WHATS
-        ]
+        of_sweeps = [job for name in tasks[::-1] for job in _sweep_jobs(out, name, profile, status, of_runs[name])]
         everything = [job for of_task in of_runs.values() for job in of_task] + of_sweeps
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
     errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
@@ -128,15 +126,23 @@ def _run_job(out: Path, run: RunSettings, status: Path) -> Job:
     return Job(f"{get_task(run.task).name} {run.source}-{run.seed}", status, folder, steps)
 
 
-def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_runs: list[Job]) -> Job:
-    """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
+def _sweep_jobs(out: Path, task: str, profile: str, status: Iterator[Path], of_runs: list[Job]) -> list[Job]:
+    """The control experiments of a task, which begin when all its runs have their actions and sensors, or never will.
 
-    def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
-
+    The first one is done before the others, for it makes the cells that they have in common with it.
+    """
     name = get_task(task).name
-    return Job(f"{name} {what}", status, folder_of_cells(out, name, what), {"ablate": arguments}, is_ready)
+    found: list[Job] = []
+    for what in WHATS:
+        arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
+
+        def is_ready(before: tuple[Job, ...] = tuple(found[:1])) -> bool:
+            extracted = all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+            return extracted and all(job.is_over for job in before)
+
+        folder = folder_of_cells(out, name, what)
+        found.append(Job(f"{name} {what}", next(status), folder, {"ablate": arguments}, is_ready))
+    return found
 
 
 def _do_steps(job: Job) -> str:

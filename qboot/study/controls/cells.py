@@ -1,4 +1,7 @@
-"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study."""
+"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study.
+
+A condition that several experiments have has its cells in the folder of the first of them (`conditions.places`).
+"""
 
 import functools
 from dataclasses import replace
@@ -6,7 +9,7 @@ from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import Evolved, conditions
+from qboot.study.controls.conditions import Evolved, Place, conditions, is_shared, places
 from qboot.study.pipeline import extracting
 from qboot.study.store import files, runs
 from qboot.study.store.files import RunError
@@ -25,30 +28,37 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
         what: the experiment.
         profile: name of the profile, to be kept with the cells.
         n_runs: cells per condition, >= 1.
-        n_episodes: of Q-learning, >= 1.
+        n_episodes: of Q-learning, >= 1. A cell that serves another experiment too may have begun with more.
         lanes: learners side by side in a program, >= 1.
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings.
+        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings, or
+            for fewer episodes.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
             raise ValueError(f"{name} is {value}: at least 1 is needed")
     task = get_task(task_name)
-    names = conditions(task, what)
     evolved = _evolved(study, task.name)
+    by_name = {run.folder.name: run for run in evolved}
     cells = {}
-    for condition in names:
+    for condition, place in places(task, what).items():
         for seed in range(n_runs):
-            folder = folder_of(study, task.name, what) / condition / str(seed)
+            folder = _folder(study, task.name, place) / str(seed)
+            known = runs.load(folder, CellSettings).settings if (folder / "config.json").exists() else None
             # A cell stays with its evolved run when there are more of them later.
-            known = runs.load(folder, CellSettings).settings.evolved if (folder / "config.json").exists() else None
-            by_name = {run.folder.name: run for run in evolved}
-            if known is not None and known not in by_name:
-                raise RunError(f"{folder} was begun from the run {known}, which is gone: make it again, or delete both")
-            run = by_name[known] if known else evolved[seed % len(evolved)]
+            if known and known.evolved not in by_name:
+                raise RunError(
+                    f"{folder} was begun from the run {known.evolved}, which is gone: make it again, or delete both"
+                )
+            run = by_name[known.evolved] if known else evolved[seed % len(evolved)]
             actions = run.settings.actions
+            if what == "n_actions" and place.what != what and actions.n_actions != int(condition):
+                raise RunError(
+                    f"{run.folder} has {actions.n_actions} extracted actions and not the task's {condition}, which the "
+                    "others are compared with: use a study with the task's own number"
+                )
             settings = CellSettings(
                 task=canonical(task_name),
                 source=run.settings.source,
@@ -56,12 +66,12 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 seed=seed,
                 profile=profile,
                 n_steps=run.settings.n_steps,
-                what=what,
-                condition=condition,
+                what=place.what,
+                condition=place.condition,
                 evolved=run.folder.name,
-                actions=replace(actions, n_actions=int(condition)) if what == "n_actions" else actions,
+                actions=replace(actions, n_actions=int(condition)) if place.what == "n_actions" else actions,
                 learner=run.settings.learner,
-                episodes=n_episodes,
+                episodes=_episodes(known, n_episodes, is_shared(task, place)),
                 lanes=lanes,
             )
             cells[runs.create(folder, settings)] = run
@@ -69,14 +79,20 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
-    """The finished cells of an experiment by condition; conditions without any are left out."""
-    found = {}
-    for condition in conditions(get_task(task_name), what):
-        folders = (folder_of(study, get_task(task_name).name, what) / condition).glob("*/qlearning.csv")
-        by_seed = sorted(folders, key=lambda path: int(path.parent.name))
+    """The finished cells of an experiment by condition; conditions without any are left out.
+
+    Where there are only cells that belong to another experiment too, the experiment was not done.
+    """
+    task = get_task(task_name)
+    found, is_done = {}, False
+    for condition, place in places(task, what).items():
+        by_seed = sorted(
+            _folder(study, task.name, place).glob("*/qlearning.csv"), key=lambda path: int(path.parent.name)
+        )
         if by_seed:
             found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
-    return found
+            is_done |= place.what == what
+    return found if is_done else {}
 
 
 def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
@@ -93,6 +109,15 @@ def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
 def folder_of(study: Path, task: str, what: str) -> Path:
     """Where the cells of an experiment are, CONDITION/SEED below it; `task` is its short name."""
     return study / "ablations" / task / what
+
+
+def _folder(study: Path, task: str, place: Place) -> Path:
+    return folder_of(study, task, place.what) / place.condition
+
+
+def _episodes(known: CellSettings | None, wanted: int, is_shared: bool) -> int:
+    """Episodes of a cell: as many as are wanted, or more where another experiment needs them."""
+    return max(known.episodes, wanted) if known and is_shared else wanted
 
 
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:

@@ -60,10 +60,14 @@ def learned(
     name: str,
     history_name: str,
     networks: Any = None,
+    episode: int = 0,
 ) -> Any:
-    """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over; the networks."""
+    """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over; the networks.
+
+    A learner that goes on from `networks` explores as after the `episode` episodes that these have seen.
+    """
     problem = problem_on(run, domains)
-    state = qlearning.init(key_of(run, purpose), problem, networks=networks)
+    state = qlearning.init(key_of(run, purpose), problem, networks=networks, episode=episode)
     checkpoint = run.file(f"{name}.checkpoint.npz")
     start = begin(state, checkpoint)
 

@@ -38,7 +38,18 @@ def transfer_stage(run: Run[RunSettings], workers: int) -> None:
         files.write_csv(run.file("generalisation.csv"), _generalisation(run, domains, networks))
     if not run.file("target_learn.csv").exists():
         episodes = run.settings.target_episodes
-        learned(run, domains, "target_learning", episodes, "target_learn", "target_learn.csv", networks)
+        # Exploration goes on from where it was: the paper's "first episodes show generalization capacities" (figure 9),
+        # which they would not with one random action in seven again.
+        learned(
+            run,
+            domains,
+            "target_learning",
+            episodes,
+            "target_learn",
+            "target_learn.csv",
+            networks,
+            episode=run.settings.episodes,
+        )
     for method, (name, *_) in PARTS.items():
         if method != "QL" and not run.file(f"{name}.csv").exists():
             front = read_individuals(run, "pareto.npz").genomes if method == "ER+transfer" else None

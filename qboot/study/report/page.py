@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from qboot.study.analysis import appendix, verdicts
+from qboot.study.analysis import rules
 from qboot.study.pipeline.table import STAGES
 from qboot.study.report.sections import section
 from qboot.study.report.templating import PAGES
@@ -27,7 +27,7 @@ def write(out: Path) -> Path:
         sections=sections,
         profiles=sorted({run.settings.profile for run in some}),
         origins=_origins(some),
-        rules=(*verdicts.RULES, *appendix.RULES) if any(each.has_paper for each in sections) else (),
+        rules=rules.RULES if any(each.has_paper for each in sections) else (),
         stages=[stage.name for stage in STAGES],
         unreadable=unreadable,
     )
