@@ -34,7 +34,7 @@ VARIANTS = (
     ("no replay", "learner", {"eta": 0}),
     ("lasso: BIC of 30,000 observations", "sensors", {"rule": "bic"}),
     ("split points as printed", "actions", {"min_duration": 1}),
-    ("long segments uncut", "actions", {"max_duration": 100_000}),
+    ("uncut long segments", "actions", {"max_duration": 100_000}),
     ("long segments cut", "actions", {"long_segments": "cut"}),
     ("long segments clipped", "actions", {"long_segments": "clip"}),
     ("long segments dropped", "actions", {"long_segments": "drop"}),

@@ -24,7 +24,7 @@ from qboot.study.analysis.statistics import (
     times_to_goal,
 )
 from qboot.study.store import files
-from qboot.study.store.artifacts import read_actions, read_inputs, read_lineage
+from qboot.study.store.artifacts import lineage_length, read_actions, read_inputs
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -126,7 +126,7 @@ RUN_MEASURES = {
         "score", lambda run: _one(source_curve(run, "ER").scores[-1]), _EVOLVING
     ),
     "lineage of the best-of-run": _values(
-        "individuals", lambda run: _one(len(read_lineage(run).ids)), ("generations", "horizon")
+        "individuals", lambda run: _one(lineage_length(run)), ("generations", "horizon")
     ),
     "actions before clustering": _values("segments", partial(_extraction, "n_segments"), (*_EVOLVING, "horizon")),
     "duration of an action": _values(

@@ -26,7 +26,7 @@ def write(out: Path) -> Path:
     page = PAGES.get_template("report.html.jinja").render(
         sections=sections,
         profiles=sorted({run.settings.profile for run in some}),
-        origins=_origins(some),
+        origins=origins(some),
         rules=rules.RULES if any(each.has_paper for each in sections) else (),
         stages=[stage.name for stage in STAGES],
         unreadable=unreadable,
@@ -36,7 +36,7 @@ def write(out: Path) -> Path:
     return path
 
 
-def _origins(some: list[Run[RunSettings]]) -> dict[str, list[str]]:
+def origins(some: list[Run[RunSettings]]) -> dict[str, list[str]]:
     """With what the runs were made: the different values that their configurations hold."""
     configs = [files.read_json(run.file("config.json")) for run in some]
 
