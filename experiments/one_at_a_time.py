@@ -33,6 +33,7 @@ VARIANTS = (
     ("lags count steps", "learner", {"history": "steps"}),
     ("no replay", "learner", {"eta": 0}),
     ("lasso: BIC of 30,000 observations", "sensors", {"rule": "bic"}),
+    ("lasso fitted on decisions", "sensors", {"moments": "decisions"}),
     ("split points as printed", "actions", {"min_duration": 1}),
     ("uncut long segments", "actions", {"max_duration": 100_000}),
     ("long segments cut", "actions", {"long_segments": "cut"}),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from qboot.extraction.actions import cluster_actions
-from qboot.extraction.segmentation import Segments, segment
+from qboot.extraction.segmentation import LONG_SEGMENTS, Segments, segment
 from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
 from qboot.study.pipeline.evolving import source_problem
@@ -20,7 +20,8 @@ def extract_stage(run: Run[RunSettings], workers: int) -> None:
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
     files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
-    selection = select(flow, run.settings.sensors)
+    observed = at_decisions(run, flow) if run.settings.sensors.moments == "decisions" else flow
+    selection = select(observed, run.settings.sensors)
     files.write_npz(run.file("sensors.npz"), {"selected": selection.selected} | files.to_arrays(selection.report))
 
 
@@ -39,6 +40,17 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
             "version of qboot or on other hardware; evolve again on this one"
         )
     return flow
+
+
+def at_decisions(run: Run[RunSettings], flow: list[Trace]) -> list[Trace]:
+    """The traces at the steps alone at which one of their actions begins."""
+    settings = run.settings.actions
+    found = []
+    for trace in flow:
+        durations = LONG_SEGMENTS["cut"](segment([trace.commands], settings), settings.max_duration).durations
+        starts = np.cumsum(durations) - durations
+        found.append(Trace(*(field[starts] for field in trace)))
+    return found
 
 
 def segments_of(run: Run[RunSettings], flow: list[Trace]) -> Segments:
