@@ -20,7 +20,7 @@ from scipy import stats
 
 from qboot.study.analysis.curves import top_score
 from qboot.study.pipeline import table
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
@@ -77,8 +77,10 @@ def scores_of(source: Run, folder: Path, settings: RunSettings, learners: int) -
 def copy(source: Run, target: Run, *names: str) -> None:
     """Give a run the files of another one."""
     for name in names:
-        if not target.file(name).exists():
+        if not provenance.is_whole(target, name):
+            provenance.require(source, name)
             shutil.copy(source.file(name), target.file(name))
+            provenance.record(target, name, files.digest(target.file(name)))
 
 
 def with_interval(values: np.ndarray) -> str:

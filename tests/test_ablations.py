@@ -7,7 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from conftest import TINY_SWEEP, begin_cells
+from conftest import TINY_SWEEP, begin_cells, record_all
 
 from qboot import qlearning
 from qboot.envs import get_task
@@ -19,6 +19,7 @@ from qboot.study.pipeline import learning, loop
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_actions, read_selection, task_of
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
 from qboot.study.store.settings import CellSettings
 
 BALL = get_task("ball_collecting")
@@ -45,7 +46,7 @@ def test_every_condition_has_its_cells(tiny_study):
             for cell in cells:
                 assert cell.folder.parent.parent.name == cell.settings.what
                 names = {path.name for path in cell.folder.iterdir()}
-                assert names == {"config.json", "actions.npz", "sensors.npz", "qlearning.csv"}
+                assert names == {"config.json", "files.json", "actions.npz", "sensors.npz", "qlearning.csv"}
                 place = Place(cell.settings.what, cell.settings.condition)
                 assert place == places(BALL, what)[condition]
                 assert files.read_csv(cell.file("qlearning.csv"))["episode"] == ["1", "2", "3"]
@@ -91,7 +92,7 @@ def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
         problem = learning.problem_on(cell, task_of(cell).source_domains("A"))
         state = qlearning.init(sweep.key_of_cell(cell), problem, shapes[cell].capacity)
         _, info = qlearning.learn(state, problem, TINY_SWEEP["n_episodes"])
-        alone = learning.after(learning.begin(state, cell.file("none")), state, info).history
+        alone = learning.after(learning.begin(state), state, info).history
         together = files.read_csv(cell.file("qlearning.csv"))
         for name in learning.COLUMNS:
             np.testing.assert_allclose(alone[name], np.array(together[name], float), rtol=1e-4, atol=1e-6)
@@ -122,19 +123,19 @@ def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch)
     shutil.rmtree(copied / "ablations" / "ball_collecting" / "actions")
     monkeypatch.setattr(loop, "SECONDS_BETWEEN_SAVES", 0.0)
     monkeypatch.setattr(learning, "EPISODES_PER_CALL", 1)
-    save = learning.save
+    save = Output.save
     kills = 0
     for limit in (1, 3, 6, 100):
         saves = 0
 
-        def save_some(progressing, checkpoint, limit=limit):
+        def save_some(output, name, arrays, limit=limit):
             nonlocal saves
-            save(progressing, checkpoint)
+            save(output, name, arrays)
             saves += 1
             if saves == limit:
                 raise Killed
 
-        monkeypatch.setattr(learning, "save", save_some)
+        monkeypatch.setattr(Output, "save", save_some)
         try:
             sweep.learn_cells(begin_cells(copied, "actions"), workers=1)
         except Killed:
@@ -147,9 +148,10 @@ def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tin
     copied = tmp_path / "study"
     shutil.copytree(tiny_study, copied)
     second = copied / "ball_collecting" / "B-0"
-    runs.create(second, replace(tiny_run.settings, source="B"))
+    other = runs.create(second, replace(tiny_run.settings, source="B"))
     for name in ("actions.npz", "sensors.npz"):
         shutil.copy(tiny_run.file(name), second / name)
+    record_all(other)
     cells = begin_cells(copied, "actions", n_runs=3)
     evolved = {(cell.settings.condition, cell.settings.seed): run.folder.name for cell, run in cells.items()}
     assert {evolved["human", seed] for seed in range(TINY_SWEEP["n_runs"])} == {"A-0"}

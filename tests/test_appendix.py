@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import record_all
 
 from qboot.envs import get_task, registry
 from qboot.study.analysis import appendix, control_measures, rules
@@ -36,12 +37,14 @@ def paper_sized(tiny_study, tmp_path_factory):
         cell = some[condition][seed % 2]
         changed = replace(cell.settings, seed=seed, n_steps=10_000, episodes=10_000)
         made = runs.create(folder / "ablations" / "ball_collecting" / "actions" / condition / str(seed), changed)
-        shutil.copy(cell.file("sensors.npz"), made.folder)
+        for name in ("actions.npz", "sensors.npz"):
+            shutil.copy(cell.file(name), made.folder)
         score = scores[condition][seed]
         # Nothing is learned before half of the time.
         by_episode = np.where(np.arange(1, 10_001) > 5_000, float(score), 0.0)
         columns = {"episode": np.arange(1, 10_001), "score": by_episode, "steps": np.full(10_000, 20_000)}
         files.write_csv(made.file("qlearning.csv"), columns)
+        record_all(made)
     return folder, [run]
 
 
@@ -171,10 +174,12 @@ def test_steps_are_drawn_where_episodes_differ_in_length(paper_sized):
     cell = some["random"][0]
     kept = cell.file("qlearning.csv").read_text()
     cell.file("qlearning.csv").write_text(kept.replace("20000", "19000", 1))
+    record_all(cell)
     try:
         assert len(controls.learning_by_actions(some).figure.axes) == 2
     finally:
         cell.file("qlearning.csv").write_text(kept)
+        record_all(cell)
 
 
 def test_without_a_paper_conditions_are_compared_all_the_same(tiny_study, tiny_run, monkeypatch):

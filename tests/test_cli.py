@@ -51,7 +51,7 @@ def test_no_write_access_is_named(tmp_path, capsys):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     assert main(["evolve", "--task", "ball_collecting", "--profile", "smoke", "--out", str(blocked / "run")]) == 2
-    assert "cannot write" in capsys.readouterr().err
+    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_help_teaches_and_is_quick_to_import():

@@ -43,7 +43,7 @@ def test_a_report_on_what_is_published_has_the_same_figures(tiny_study, publishe
 
 def test_what_is_published_is_small_and_without_networks(tiny_study, published):
     names = {path.name for path in published.rglob("*") if path.is_file()}
-    assert names == {*publishing.CONTENTS, publishing.CHECKSUMS} - {"timing.csv"}
+    assert names == {*publishing.CONTENTS, publishing.CHECKSUMS, "config.json", "files.json"}
     assert sorted(files.read_npz(published / "ball_collecting/A-0/lineage.npz")) == [
         "births",
         "ids",

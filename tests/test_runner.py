@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from qboot.study import runner
+from qboot.study import processes, runner
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.runner import Job
 from qboot.study.store.files import RunError
@@ -71,14 +71,12 @@ def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):
         "out = pathlib.Path(sys.argv[-1])\n"
         "if sys.argv[3] == 'extract': (out / 'sensors.npz').touch()\n"
     )
-    real = runner.subprocess.run
+    real = processes.run
 
-    def stand_in(command, **options):
-        if command[0] == sys.executable:
-            command = [sys.executable, script, *command[1:]]
-        return real(command, **options)
+    def stand_in(command, environment):
+        return real([sys.executable, script, *command[1:]], environment)
 
-    monkeypatch.setattr(runner.subprocess, "run", stand_in)
+    monkeypatch.setattr(processes, "run", stand_in)
     out = tmp_path / "study"
     for what in runner.WHATS:
         (out / "ablations" / "ball_collecting" / what).mkdir(parents=True)

@@ -1,11 +1,11 @@
 """Running a study: stages as processes of their own, spread over the cores, retried, skipped when done."""
 
+import contextlib
 import itertools
 import json
 import os
-import subprocess
+import shutil
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,12 +17,15 @@ import jax
 from tqdm import tqdm
 
 from qboot.envs.registry import BUILT_IN, get_task
+from qboot.study import processes
 from qboot.study.controls.cells import folder_of as folder_of_cells
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
+from qboot.study.pipeline.checks import check
+from qboot.study.pipeline.interruption import at_interrupt
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.pipeline.table import STAGES
-from qboot.study.store import runs
+from qboot.study.store import lock, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.settings import RunSettings
 
@@ -57,19 +60,50 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
     tasks = [task] if task else list(BUILT_IN)
     settings = {name: profiles.runs_of(name, profile) for name in tasks}
-    for of_task in settings.values():
-        for run in of_task:
-            runs.create(runs.folder_of(out, run), run)
-    with tempfile.TemporaryDirectory() as scratch:
-        status = (Path(scratch) / f"{i}.json" for i in itertools.count())
-        of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
+    for run in itertools.chain(*settings.values()):
+        check(run)
+    unusable = _create(out, list(itertools.chain(*settings.values())))
+    with lock.owned(out), _scratch(out) as scratch, at_interrupt(processes.stop_all):
+        status = (scratch / f"{i}.json" for i in itertools.count())
+        of_runs = {
+            name: [_run_job(out, run, next(status)) for run in settings[name] if run not in unusable] for name in tasks
+        }
         # Those of the slower simulation first, so that the cores are busy to the end.
         of_sweeps = [job for name in tasks[::-1] for job in _sweep_jobs(out, name, profile, status, of_runs[name])]
         everything = [job for of_task in of_runs.values() for job in of_task] + of_sweeps
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
-    errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
+    errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
     if errors:
         raise RunError("; ".join(errors))
+
+
+def _create(out: Path, some: list[RunSettings]) -> dict[RunSettings, str]:
+    """Begin all runs; why some cannot be, if others can.
+
+    Raises:
+        RunError: if none can be begun.
+    """
+    unusable = {}
+    for run in some:
+        try:
+            runs.create(runs.folder_of(out, run), run)
+        except RunError as error:
+            unusable[run] = str(error)
+    if len(unusable) == len(some):
+        raise RunError(next(iter(unusable.values())))
+    return unusable
+
+
+@contextlib.contextmanager
+def _scratch(out: Path) -> Iterator[Path]:
+    """A folder for the time of a study; what a killed process left in it is removed."""
+    folder = out / ".status"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def share_compiled_programs(out: Path) -> None:
@@ -88,10 +122,10 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         do_job: does one; returns its error, or nothing.
         n_workers: at a time, >= 1.
     """
-    waiting, lock = list(some), threading.Lock()
+    waiting, one_at_a_time = list(some), threading.Lock()
 
     def take() -> Job | None:
-        with lock:
+        with one_at_a_time:
             job = next((job for job in waiting if job.is_ready()), None)
             if job:
                 waiting.remove(job)
@@ -137,12 +171,19 @@ def _sweep_jobs(out: Path, task: str, profile: str, status: Iterator[Path], of_r
         arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
 
         def is_ready(before: tuple[Job, ...] = tuple(found[:1])) -> bool:
-            extracted = all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+            extracted = all(job.is_over or _is_extracted(job.folder) for job in of_runs)
             return extracted and all(job.is_over for job in before)
 
         folder = folder_of_cells(out, name, what)
         found.append(Job(f"{name} {what}", next(status), folder, {"ablate": arguments}, is_ready))
     return found
+
+
+def _is_extracted(folder: Path) -> bool:
+    try:
+        return provenance.is_whole(runs.load(folder), "sensors.npz")
+    except RunError:
+        return False
 
 
 def _do_steps(job: Job) -> str:
@@ -152,10 +193,10 @@ def _do_steps(job: Job) -> str:
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
             started, before = time.time(), _read_status(job.status)
-            result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+            result = processes.run(command, environment)
             if result.returncode == 0 and _read_status(job.status) != before:
                 _note_time(job.folder, step, time.time() - started)
-            if result.returncode in (0, 2, 130):
+            if result.returncode in (0, 2, 129, 130, 143):
                 break
         if result.returncode:
             words = result.stderr.strip().splitlines() or [f"exit code {result.returncode}"]

@@ -24,7 +24,7 @@ from qboot.study.analysis.statistics import (
     times_to_goal,
 )
 from qboot.study.store import files
-from qboot.study.store.artifacts import lineage_length, read_actions, read_inputs
+from qboot.study.store.artifacts import lineage_length, read_actions, read_arrays, read_inputs
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -104,8 +104,7 @@ def _target_score(method: str, run: Run[RunSettings]) -> np.ndarray:
 
 
 def _extraction(name: str, run: Run[RunSettings]) -> np.ndarray:
-    path = run.file("actions.npz")
-    return _one(float(files.pick(files.read_npz(path), name, path)))
+    return _one(float(files.pick(read_arrays(run, "actions.npz"), name, run.file("actions.npz"))))
 
 
 _EVOLVING = ("population", "generations", "n_steps")

@@ -4,18 +4,24 @@ A condition that several experiments have has its cells in the folder of the fir
 """
 
 import functools
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
+from qboot.envs.task import Task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import Evolved, Place, conditions, is_shared, places
+from qboot.study.controls.conditions import LAGS, Evolved, Place, conditions, is_shared, places
 from qboot.study.pipeline import extracting
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import EQUIP, EXTRACT, LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
 
+# What a finished cell holds.
+FILES = (*EQUIP.makes, *LEARN_CELL.makes)
 Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
 
 
@@ -42,11 +48,11 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     task = get_task(task_name)
     evolved = _evolved(study, task.name)
     by_name = {run.folder.name: run for run in evolved}
-    cells = {}
+    planned = {}
     for condition, place in places(task, what).items():
         for seed in range(n_runs):
             folder = _folder(study, task.name, place) / str(seed)
-            known = runs.load(folder, CellSettings).settings if (folder / "config.json").exists() else None
+            known = _known(folder)
             # A cell stays with its evolved run when there are more of them later.
             if known and known.evolved not in by_name:
                 raise RunError(
@@ -74,8 +80,21 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 episodes=_episodes(known, n_episodes, is_shared(task, place)),
                 lanes=lanes,
             )
-            cells[runs.create(folder, settings)] = run
-    return cells
+            _check_lags(settings, task)
+            planned[folder] = settings, run
+    return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+
+
+def _check_lags(settings: CellSettings, task: Task) -> None:
+    """Refuse a learner that remembers less than inputs of the experiment need."""
+    needed = LAGS if settings.what == "sensors" else 0
+    if task.expert:
+        needed = max(needed, len(task.expert.sensors))
+    if needed > settings.learner.lags:
+        raise ValueError(
+            f"the experiment {settings.what} has inputs of {needed} past steps, but {settings.evolved} was begun with "
+            f"learner.lags = {settings.learner.lags}: begin a run with --learner.lags {needed}"
+        )
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
@@ -83,27 +102,65 @@ def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSetti
 
     Where there are only cells that belong to another experiment too, the experiment was not done.
     """
-    task = get_task(task_name)
-    found, is_done = {}, False
-    for condition, place in places(task, what).items():
-        by_seed = sorted(
-            _folder(study, task.name, place).glob("*/qlearning.csv"), key=lambda path: int(path.parent.name)
-        )
-        if by_seed:
-            found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
-            is_done |= place.what == what
+    found: dict[str, list[Run[CellSettings]]] = {}
+    for condition, cell in _begun(study, task_name, what):
+        if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
+            found.setdefault(condition, []).append(cell)
+    is_done = any(cell.settings.what == what for some in found.values() for cell in some)
     return found if is_done else {}
+
+
+def faults(study: Path, task_name: str, what: str) -> list[str]:
+    """Why cells of an experiment that were begun are not among the finished ones, a line each."""
+    words = []
+    for _, cell in _begun(study, task_name, what):
+        try:
+            if isinstance(cell, str):
+                words.append(cell)
+            else:
+                provenance.require(cell, *FILES)
+        except RunError as error:
+            words.append(str(error))
+    return words
+
+
+def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[CellSettings] | str]]:
+    """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
+    task = get_task(task_name)
+    for condition, place in places(task, what).items():
+        configs = _folder(study, task.name, place).glob("*/config.json")
+        by_seed = (path.parent for path in configs if path.parent.name.isdecimal())
+        for folder in sorted(by_seed, key=lambda folder: int(folder.name)):
+            try:
+                yield condition, runs.load(folder, CellSettings)
+            except RunError as error:
+                yield condition, str(error)
+
+
+def _known(folder: Path) -> CellSettings | None:
+    """The settings of a cell that was begun; None for a new one. What cannot be read is set aside."""
+    config = folder / "config.json"
+    if not config.exists():
+        return None
+    try:
+        return runs.load(folder, CellSettings).settings
+    except runs.Damaged:
+        files.set_aside(config, "is damaged")
+        return None
 
 
 def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
     """Write what a cell learns with: actions.npz and sensors.npz, as the stage extract does for a run."""
-    if cell.file("actions.npz").exists() and cell.file("sensors.npz").exists():
+    provenance.record_evolved(cell, evolved)
+    output = Output(cell, EQUIP)
+    if all(output.has(name) for name in EQUIP.makes):
         return
+    provenance.set_aside_faulty(cell, EQUIP)
     settings = cell.settings
     condition = conditions(get_task(settings.task), settings.what)[settings.condition]
     origin = Evolved(evolved, lambda: _segments(evolved))
-    files.write_npz(cell.file("actions.npz"), files.to_arrays(condition.actions(settings, origin)))
-    files.write_npz(cell.file("sensors.npz"), {"selected": condition.sensors(settings, origin)})
+    output.write_npz("actions.npz", files.to_arrays(condition.actions(settings, origin)))
+    output.write_npz("sensors.npz", {"selected": condition.sensors(settings, origin)})
 
 
 def folder_of(study: Path, task: str, what: str) -> Path:
@@ -122,11 +179,12 @@ def _episodes(known: CellSettings | None, wanted: int, is_shared: bool) -> int:
 
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     """Runs that actions and sensors were extracted from, the sources in turn."""
-    ready = [run for run in runs.find(study) if run.task_name == task and run.file("sensors.npz").exists()]
+    known = [run for run in runs.find(study) if run.task_name == task]
+    ready = [run for run in known if all(provenance.is_whole(run, name) for name in EXTRACT.makes)]
     if not ready:
         raise RunError(
             f"{study} has no run of {task} with extracted actions and sensors: "
-            "make some with `qboot reproduce`, or with `qboot evolve` and `qboot extract`"
+            f"make one with `qboot evolve --task TASK --out {study / task}/A-0` and `qboot extract` there"
         )
     return sorted(ready, key=lambda run: (run.settings.seed, run.settings.source))
 

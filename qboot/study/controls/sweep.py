@@ -4,8 +4,10 @@ Cells that are as far as each other run together. Each keeps its own checkpoint 
 interrupted, deleted and made again one by one.
 """
 
+import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -21,11 +23,13 @@ from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
 from qboot.study.controls.conditions import Place, is_shared
 from qboot.study.pipeline import learning, loop
-from qboot.study.pipeline.learning import Learning
+from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
-from qboot.study.store import files
+from qboot.study.store import files, lock, provenance
 from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings
 
@@ -34,6 +38,7 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise.
 LANES = 5
+CHECKPOINT = "learn.checkpoint.npz"
 
 learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
 """`qlearning.learn` for stacked states and problems (leading axis)."""
@@ -60,11 +65,26 @@ def learn_cells(cells: Cells, workers: int) -> None:
     Args:
         cells: all cells of one experiment, and the evolved run of each.
         workers: programs at a time, >= 1; they do not change results.
+
+    Raises:
+        Diverged: if learners diverged, when the others are done.
+        RunError: if another process learns in these cells.
     """
+    # Cells that are done may be read by others at the same time.
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    with contextlib.ExitStack() as stack:
+        for folder in sorted({cell.folder.parents[1] for cell in pending}):
+            stack.enter_context(lock.owned(folder))
+        _learn_cells(cells, workers)
+
+
+def _learn_cells(cells: Cells, workers: int) -> None:
     for cell, evolved in cells.items():
         folders.equip(cell, evolved)
     shapes = shapes_of(list(cells))
-    pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    for cell in pending:
+        provenance.set_aside_faulty(cell, LEARN_CELL)
     started = {cell: _begin(cell, shapes[cell]) for cell in pending}
     done = {cell: cell.settings.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
     total = sum(cell.settings.episodes for cell in cells)
@@ -80,7 +100,9 @@ def learn_cells(cells: Cells, workers: int) -> None:
 
         blocks = _blocks(started, shapes, first.settings.lanes)
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
+            diverged = list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
+    if words := [line for lines in diverged for line in lines]:
+        raise Diverged("; ".join(words))
 
 
 def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
@@ -133,11 +155,11 @@ def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Padded], lanes: in
 
 def _begin(cell: Cell, padded: Padded) -> Learning:
     state = qlearning.init(key_of_cell(cell), problem_of(cell, padded), padded.capacity)
-    return learning.begin(state, cell.file("learn.checkpoint.npz"))
+    return Output(cell, LEARN_CELL).restored(CHECKPOINT, partial(learning.restored, state)) or learning.begin(state)
 
 
-def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> None:
-    """Learn in a block of cells, side by side, to their ends."""
+def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> list[str]:
+    """Learn in a block of cells, side by side, to their ends; a line for each that diverged, others go on."""
     cells = list(begun)
     settings = cells[0].settings
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
@@ -155,7 +177,8 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
 
     def save(block: Block) -> None:
         for cell, each in zip(cells, block.learners, strict=True):
-            learning.save(each, cell.file("learn.checkpoint.npz"))
+            if not learning.divergence(each, settings.learner):
+                Output(cell, LEARN_CELL).save(CHECKPOINT, learning.saved(each))
 
     work = Work(
         total=settings.episodes,
@@ -165,9 +188,16 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
         report=lambda block: report(cells, block.learners[0].episodes),
     )
     end = loop.advance(work, start)
+    diverged = []
     for cell, each in zip(cells, end.learners, strict=True):
-        files.write_csv(cell.file("qlearning.csv"), each.history)
-        cell.file("learn.checkpoint.npz").unlink(missing_ok=True)
+        output = Output(cell, LEARN_CELL)
+        if words := learning.divergence(each, settings.learner):
+            learning.keep_diverged(output, "qlearning.csv", each)
+            diverged.append(f"{cell.folder}: {words}")
+        else:
+            output.write_csv("qlearning.csv", each.history)
+            files.remove(cell.file(CHECKPOINT))
+    return diverged
 
 
 def _stack(trees: list[Tree]) -> Tree:

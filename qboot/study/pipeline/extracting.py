@@ -11,18 +11,21 @@ from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files
 from qboot.study.store.artifacts import read_lineage
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 
-def extract_stage(run: Run[RunSettings], workers: int) -> None:
+def extract_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
-    files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
+    output.write_npz("actions.npz", files.to_arrays(actions) | files.to_arrays(report))
     observed = at_decisions(run, flow) if run.settings.sensors.moments == "decisions" else flow
     selection = select(observed, run.settings.sensors)
-    files.write_npz(run.file("sensors.npz"), {"selected": selection.selected} | files.to_arrays(selection.report))
+    # A sensor that never varies has no model.
+    arrays = {"selected": selection.selected} | files.to_arrays(selection.report)
+    output.write_npz("sensors.npz", arrays, may_be_nan=("alphas", "explained"))
 
 
 def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:

@@ -13,7 +13,7 @@ from qboot.study.analysis import appendix, sizes, verdicts
 from qboot.study.analysis.gathering import best_run, best_score, gather
 from qboot.study.analysis.printed import PrintedFigure
 from qboot.study.analysis.verdicts import Row
-from qboot.study.controls.cells import find, folder_of
+from qboot.study.controls.cells import faults, find, folder_of
 from qboot.study.controls.conditions import WHATS, conditions
 from qboot.study.figures import catalogue
 from qboot.study.figures.catalogue import CONTROL_PLOTS, RUN_PLOTS
@@ -155,6 +155,7 @@ def _cells(study: Path, some: Runs) -> tuple[dict[str, appendix.Cells], list[str
             found[what] = {}
             missing.append(str(error))
         else:
+            missing += faults(study, some[0].settings.task, what)
             if not found[what]:
                 missing.append(f"no cells of the control experiment {what}: qboot ablate makes them")
     return found, missing

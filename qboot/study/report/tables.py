@@ -19,7 +19,8 @@ from qboot.study.analysis.measures import RUN_MEASURES
 from qboot.study.analysis.sizes import SizeRow
 from qboot.study.analysis.statistics import quartiles
 from qboot.study.analysis.words import as_number
-from qboot.study.store import files
+from qboot.study.store import provenance
+from qboot.study.store.artifacts import lineage_length, read_arrays, read_columns
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
 
@@ -53,26 +54,26 @@ def first_at_least(values: list[str], score: float, positions: list[str]) -> str
 def row(run: Run[RunSettings]) -> list[str]:
     """The cells of a run; stages that were not done leave dashes."""
     high, top, learned = goals(run)
-    history = files.read_csv(run.file("history.csv"))
+    history = read_columns(run, "history.csv")
     cells = [
         f"{run.settings.source}-{run.settings.seed}",
         first_at_least(history["best"], high, history["generation"]),
         first_at_least(history["best"], top, history["generation"]),
         f"{float(history['best'][-1]):g}",
-        str(len(files.read_npz(run.file("lineage.npz"))["ids"])),
+        str(lineage_length(run)),
     ]
-    if run.file("sensors.npz").exists():
-        actions = files.read_npz(run.file("actions.npz"))
+    if provenance.is_whole(run, "sensors.npz"):
+        actions = read_arrays(run, "actions.npz")
         durations = np.percentile(actions["durations"], [25, 50, 75])
         cells += [f"{int(actions['n_segments']):,}", ", ".join(f"{d:g}" for d in durations)]
-        cells.append(str(int(files.read_npz(run.file("sensors.npz"))["selected"].sum())))
-    if run.file("qnets.npz").exists():
-        learning = files.read_csv(run.file("qlearning.csv"))
+        cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
+    if provenance.is_whole(run, "qlearning.csv"):
+        learning = read_columns(run, "qlearning.csv")
         scores = np.array(learning["score"], float)
         cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
         cells.append(f"{scores[-100:].mean():.2f}")
-    if run.file("generalisation.csv").exists():
-        found = files.read_csv(run.file("generalisation.csv"))
+    if provenance.is_whole(run, "generalisation.csv"):
+        found = read_columns(run, "generalisation.csv")
         for method in ("ER", "QL"):
             values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
             cells.append(f"{sum(values):g}")
@@ -81,7 +82,7 @@ def row(run: Run[RunSettings]) -> list[str]:
 
 def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
     """Learning in new domains, a line for each measure and a column for each run that has it."""
-    done = [run for run in some if run.file("transfer.csv").exists()]
+    done = [run for run in some if provenance.is_whole(run, "transfer.csv")]
     if not done:
         return []
     lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
@@ -166,7 +167,7 @@ def of_task(some: list[Run[RunSettings]], cells: dict[str, dict[str, list[Run[Ce
         cells: finished cells of each control experiment by its name.
     """
     columns = header(some[0])
-    evolved = [run for run in some if run.file("history.csv").exists()]
+    evolved = [run for run in some if provenance.is_whole(run, "history.csv")]
     found = {"Sizes": size_table(sizes.rows(some)), "The paper's claims": claims_table(claims(cells, some))}
     found["Runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
     found["Learning in new domains"] = transfer_table(some)

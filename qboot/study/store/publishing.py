@@ -4,19 +4,20 @@ Networks are left out, and columns that no figure needs; `qboot report` and `exp
 they read a study. Figures that replay networks say that they are missing.
 """
 
-import hashlib
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import AnyRun
+from qboot.study.store.settings import CellSettings
 
 CHECKSUMS = "SHA256SUMS"
 _LEARNING = ("episode", "score", "steps")
-# Columns or arrays that are kept; None for the whole file. A run or a cell may lack some of the files.
+# Columns or arrays that are kept of each file; None for the whole file. Configurations and times are copied too.
 CONTENTS: Mapping[str, tuple[str, ...] | None] = {
-    "config.json": None,
-    "timing.csv": None,
     "history.csv": ("generation", "episodes", "best"),
     "qlearning.csv": _LEARNING,
     "generalisation.csv": None,
@@ -36,14 +37,17 @@ def publish(study: Path, out: Path) -> int:
     Raises:
         RunError: if there are no runs below `study`, a file is damaged, or `out` is there already.
     """
-    runs.runs_below(study)
+    found, _ = runs.runs_below(study)
     if out.exists():
-        raise files.RunError(f"{out} exists already: choose another folder, or delete it")
-    for source in sorted([*study.glob("*/*/*"), *study.glob("ablations/*/*/*"), *study.glob("ablations/*/*/*/*/*")]):
-        if source.name in CONTENTS and source.is_file():
-            _copy(source, out / source.relative_to(study))
+        raise RunError(f"{out} exists already: choose another folder, or delete it")
+    some: list[AnyRun] = [*found]
+    some += [runs.load(config.parent, CellSettings) for config in sorted(study.glob("ablations/*/*/*/*/config.json"))]
+    for run in some:
+        _publish(run, replace(run, folder=out / run.folder.relative_to(study)))
+    for timing in [*study.glob("*/*/timing.csv"), *study.glob("ablations/*/*/timing.csv")]:
+        shutil.copyfile(timing, out / timing.relative_to(study))
     made = sorted(path for path in out.rglob("*") if path.is_file())
-    sums = "".join(f"{_digest(path)}  {path.relative_to(out).as_posix()}\n" for path in made)
+    sums = "".join(f"{files.digest(path)}  {path.relative_to(out).as_posix()}\n" for path in made)
     files.write_text(out / CHECKSUMS, sums)
     return sum(path.stat().st_size for path in [*made, out / CHECKSUMS])
 
@@ -53,13 +57,23 @@ def changed_files(published: Path) -> list[str]:
     lines = (published / CHECKSUMS).read_text().splitlines()
     listed = dict(reversed(line.split("  ", 1)) for line in lines)
     there = {name: published / name for name in listed}
-    return [name for name, path in there.items() if not path.exists() or _digest(path) != listed[name]]
+    return [name for name, path in there.items() if not path.exists() or files.digest(path) != listed[name]]
+
+
+def _publish(run: AnyRun, copy: AnyRun) -> None:
+    """Copy what is published of a run or a cell; the copy has a record of its own, of what is in it."""
+    copy.folder.mkdir(parents=True)
+    shutil.copyfile(run.file("config.json"), copy.file("config.json"))
+    for recipe in provenance.OF_CELLS if isinstance(run.settings, CellSettings) else provenance.OF_RUNS:
+        for name in recipe.makes:
+            if name in CONTENTS and provenance.is_whole(run, name):
+                _copy(run.file(name), copy.file(name))
+                provenance.record(copy, name, files.digest(copy.file(name)))
 
 
 def _copy(source: Path, target: Path) -> None:
     kept = CONTENTS[source.name]
     if kept is None:
-        target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, target)
     elif source.suffix == ".csv":
         columns = files.read_csv(source)
@@ -67,7 +81,3 @@ def _copy(source: Path, target: Path) -> None:
     else:
         arrays = files.read_npz(source)
         files.write_npz(target, {name: arrays[name] for name in kept if name in arrays})
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
