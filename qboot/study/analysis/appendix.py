@@ -104,7 +104,7 @@ def _table(table: TestTable, share: float, cells: Cells, short: str) -> Table:
     values = {name: _values(cells, name, table.measure, episodes) for name in names}
     pairs = {}
     for pair, printed in table.printed.items():
-        made = _pair(*(values[name] for name in pair), printed, short)
+        made = _pair(values[pair[0]], values[pair[1]], printed, short)
         reservation = next((table.reservations[name] for name in pair if name in table.reservations), "")
         if reservation and min(made.n_cells):
             made = made._replace(verdict=Verdict(CANNOT_TELL, reservation))

@@ -108,7 +108,7 @@ def _figure(name: str, some: Runs, draw: Callable[[], Drawn], figures: Path) -> 
     printed = catalogue.printed_as(task, name)
     number = f"fig{printed.number:02}" if printed else name
     file = figures / f"{number}_{task.name}.png"
-    files.write(file, lambda stream: stream.write(catalogue.as_png(drawn.figure)))
+    files.write(file, catalogue.as_png(drawn.figure))
     title = (catalogue.RUN_PLOTS | catalogue.CONTROL_PLOTS)[name].title
     words = [f"Ours: {drawn.shows}"]
     if printed:

@@ -96,7 +96,7 @@ def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
 
 def in_short(values: list[float]) -> str:
     """Median and quartiles."""
-    lower, median, upper = quartiles(np.array(values))
+    lower, median, upper = map(float, quartiles(np.array(values)))
     return f"{as_number(median)} ({as_number(lower)} to {as_number(upper)})"
 
 

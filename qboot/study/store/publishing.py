@@ -55,9 +55,8 @@ def publish(study: Path, out: Path) -> int:
 def changed_files(published: Path) -> list[str]:
     """Files of a published study that are missing or not what its SHA256SUMS say."""
     lines = (published / CHECKSUMS).read_text().splitlines()
-    listed = dict(reversed(line.split("  ", 1)) for line in lines)
-    there = {name: published / name for name in listed}
-    return [name for name, path in there.items() if not path.exists() or files.digest(path) != listed[name]]
+    sums = [line.split("  ", 1) for line in lines]
+    return [name for digest, name in sums if files.digest(published / name) != digest]
 
 
 def _publish(run: AnyRun, copy: AnyRun) -> None:
