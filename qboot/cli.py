@@ -135,6 +135,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", type=Path, required=True, help="run folder")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
     sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/quick")
+    sub = command("publish", "the small files behind a study's numbers and figures of scores, with checksums", _publish)
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/standard")
+    sub.add_argument("--to", type=Path, required=True, help="folder to be made")
     sub = command("reproduce", "all runs of a study, spread over the cores, and the report", _reproduce)
     sub.add_argument("--profile", default="quick", help=profiles)
     sub.add_argument("--task", help="one task alone; default those of the paper")
@@ -229,6 +232,13 @@ def _report(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.report import page
 
     print(page.write(options.out))
+
+
+def _publish(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study.store import publishing
+
+    size = publishing.publish(options.out, options.to)
+    print(f"{options.to}: {size / 1e6:.1f} MB, listed in {publishing.CHECKSUMS}")
 
 
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:

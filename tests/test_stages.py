@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import tiny_settings
 
+from qboot import qlearning
 from qboot.cli import main
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.table import STAGES, stage
@@ -151,6 +152,24 @@ def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch)
                 except Killed:
                     kills += 1
     assert kills >= 6
+    assert digests(run.folder) == digests(tiny_run.folder)
+
+
+def test_exploration_in_new_domains_goes_on_from_where_it_was(tiny_run, tmp_path, monkeypatch):
+    shutil.copytree(tiny_run.folder, tmp_path / "run")
+    run = runs.load(tmp_path / "run")
+    for name in ("transfer.csv", "target_learn.csv"):
+        run.file(name).unlink()
+    begun = []
+    init = qlearning.init
+
+    def note(*given, **named):
+        begun.append(init(*given, **named))
+        return begun[-1]
+
+    monkeypatch.setattr(qlearning, "init", note)
+    stage("transfer").do(run)
+    assert [int(state.episode) for state in begun] == [run.settings.episodes]
     assert digests(run.folder) == digests(tiny_run.folder)
 
 

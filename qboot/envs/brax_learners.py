@@ -14,7 +14,7 @@ def mend() -> None:
         >>> from brax.training.agents.ppo import train
     """
     if not hasattr(jax, "device_put_replicated"):
-        jax.device_put_replicated = _replicated  # type: ignore[attr-defined]
+        jax.device_put_replicated = _replicated
 
 
 def _replicated(tree, devices):

@@ -144,6 +144,20 @@ def cut_segments(segments: Segments, longest: int) -> Segments:
     return Segments(slopes, segments.intercepts[segment] + slopes * start[:, None], end - start)
 
 
+def clip_segments(segments: Segments, longest: int) -> Segments:
+    """Each segment's first `longest` steps; errors as `cut_segments`."""
+    if longest < 1:
+        raise ValueError(f"longest must be at least 1 step, got {longest}.")
+    return segments._replace(durations=np.minimum(segments.durations, longest))
+
+
+def drop_segments(segments: Segments, longest: int) -> Segments:
+    """The segments of at most `longest` steps; none may be left. Errors as `cut_segments`."""
+    if longest < 1:
+        raise ValueError(f"longest must be at least 1 step, got {longest}.")
+    return Segments(*(field[segments.durations <= longest] for field in segments))
+
+
 def join_segments(parts: list[Segments]) -> Segments:
     """The segments of several flows as one; raises `ValueError` when there is none."""
     if not parts:
@@ -192,3 +206,10 @@ SEGMENTATIONS: dict[str, Callable[[np.ndarray, "ActionSettings"], Segments]] = {
     "hidden_markov": _hidden_markov,
 }
 """(commands (E, T), settings) -> segments of at least `min_duration` steps whose durations sum to T."""
+
+LONG_SEGMENTS: dict[str, Callable[[Segments, int], Segments]] = {
+    "cut": cut_segments,
+    "clip": clip_segments,
+    "drop": drop_segments,
+}
+"""(segments, longest) -> segments of at most `longest` steps."""

@@ -21,6 +21,7 @@ from qboot.extraction import forest
 from qboot.extraction.threads import one_thread
 from qboot.extraction.traces import Trace
 
+MOMENTS = ("steps", "decisions")
 RULES = ("bic", "bic_traces", "bic_rows", "fixed")
 # Rows multiplied at a time.
 CHUNK = 4096
@@ -43,6 +44,10 @@ class SensorSettings:
     lags: int = 8
     """mu: past observations that inputs are chosen from, >= 1."""
 
+    moments: str = "steps"
+    """Of what the traces are made that the models are fitted on: all "steps", as the paper has it, or those at which
+    an action begins, the "decisions", by which some learners count their lags."""
+
     rule: str = "bic_rows"
     """Penalty by BIC for `sample_size` observations ("bic"), for as many as there are traces ("bic_traces") or rows
     ("bic_rows"), or the penalty `alpha` ("fixed")."""
@@ -55,7 +60,7 @@ class SensorSettings:
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
-        for name, table in (("selection", SELECTIONS), ("rule", RULES)):
+        for name, table in (("selection", SELECTIONS), ("rule", RULES), ("moments", MOMENTS)):
             if getattr(self, name) not in table:
                 raise ValueError(f"{name} is {getattr(self, name)!r}: it must be one of {', '.join(table)}")
         for name, least in (("lags", 1), ("sample_size", 2)):

@@ -69,8 +69,13 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
             for run, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.run)
             if run not in unusable
         ]
-        of_sweeps = [_sweep_job(each, next(status), of_runs) for each in table if not each.run]
-        everything = of_runs + of_sweeps
+        of_sweeps: dict[plan.Job, Job] = {}
+        for each in table:
+            if not each.run:
+                # ... and for the experiment that makes the cells that it has in common with it.
+                earlier = [of_sweeps[other] for other in plan.waits_for(each, list(of_sweeps))]
+                of_sweeps[each] = _sweep_job(each, next(status), of_runs, earlier)
+        everything = [*of_runs, *of_sweeps.values()]
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
     errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
     if errors:
@@ -161,12 +166,13 @@ def _run_job(stages: list[plan.Job], status: Path) -> Job:
     return Job(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
 
 
-def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
+def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job], earlier: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
     awaited = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or _is_extracted(job.folder) for job in awaited)
+        extracted = all(job.is_over or _is_extracted(job.folder) for job in awaited)
+        return extracted and all(job.is_over for job in earlier)
 
     steps, parts = {control.step: control.arguments}, costs.of_usual(control)
     before = sum(parts.values()) if control.is_done else 0.0

@@ -1,4 +1,7 @@
-"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study."""
+"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study.
+
+A condition that several experiments have has its cells in the folder of the first of them (`conditions.places`).
+"""
 
 import functools
 from collections.abc import Iterator
@@ -8,7 +11,7 @@ from pathlib import Path
 from qboot.envs.registry import canonical, get_task
 from qboot.envs.task import Task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import LAGS, Evolved, conditions
+from qboot.study.controls.conditions import LAGS, Evolved, Place, conditions, is_shared, places
 from qboot.study.pipeline import extracting
 from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
@@ -31,30 +34,37 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
         what: the experiment.
         profile: name of the profile, to be kept with the cells.
         n_runs: cells per condition, >= 1.
-        n_episodes: of Q-learning, >= 1.
+        n_episodes: of Q-learning, >= 1. A cell that serves another experiment too may have begun with more.
         lanes: learners side by side in a program, >= 1.
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings.
+        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings, or
+            for fewer episodes.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
             raise ValueError(f"{name} is {value}: at least 1 is needed")
     task = get_task(task_name)
-    names = conditions(task, what)
     evolved = _evolved(study, task.name)
+    by_name = {run.folder.name: run for run in evolved}
     planned = {}
-    for condition in names:
+    for condition, place in places(task, what).items():
         for seed in range(n_runs):
-            folder = folder_of(study, task.name, what) / condition / str(seed)
+            folder = _folder(study, task.name, place) / str(seed)
+            known = _known(folder)
             # A cell stays with its evolved run when there are more of them later.
-            known = _known_evolved(folder)
-            by_name = {run.folder.name: run for run in evolved}
-            if known is not None and known not in by_name:
-                raise RunError(f"{folder} was begun from the run {known}, which is gone: make it again, or delete both")
-            run = by_name[known] if known else evolved[seed % len(evolved)]
+            if known and known.evolved not in by_name:
+                raise RunError(
+                    f"{folder} was begun from the run {known.evolved}, which is gone: make it again, or delete both"
+                )
+            run = by_name[known.evolved] if known else evolved[seed % len(evolved)]
             actions = run.settings.actions
+            if what == "n_actions" and place.what != what and actions.n_actions != int(condition):
+                raise RunError(
+                    f"{run.folder} has {actions.n_actions} extracted actions and not the task's {condition}, which the "
+                    "others are compared with: use a study with the task's own number"
+                )
             settings = CellSettings(
                 task=canonical(task_name),
                 source=run.settings.source,
@@ -62,12 +72,12 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 seed=seed,
                 profile=profile,
                 n_steps=run.settings.n_steps,
-                what=what,
-                condition=condition,
+                what=place.what,
+                condition=place.condition,
                 evolved=run.folder.name,
-                actions=replace(actions, n_actions=int(condition)) if what == "n_actions" else actions,
+                actions=replace(actions, n_actions=int(condition)) if place.what == "n_actions" else actions,
                 learner=run.settings.learner,
-                episodes=n_episodes,
+                episodes=_episodes(known, n_episodes, is_shared(task, place)),
                 lanes=lanes,
             )
             _check_lags(settings, task)
@@ -88,12 +98,16 @@ def _check_lags(settings: CellSettings, task: Task) -> None:
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
-    """The finished cells of an experiment by condition; conditions without any are left out."""
+    """The finished cells of an experiment by condition; conditions without any are left out.
+
+    Where there are only cells that belong to another experiment too, the experiment was not done.
+    """
     found: dict[str, list[Run[CellSettings]]] = {}
     for condition, cell in _begun(study, task_name, what):
         if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
             found.setdefault(condition, []).append(cell)
-    return found
+    is_done = any(cell.settings.what == what for some in found.values() for cell in some)
+    return found if is_done else {}
 
 
 def faults(study: Path, task_name: str, what: str) -> list[str]:
@@ -113,8 +127,8 @@ def faults(study: Path, task_name: str, what: str) -> list[str]:
 def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[CellSettings] | str]]:
     """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
     task = get_task(task_name)
-    for condition in conditions(task, what):
-        configs = (folder_of(study, task.name, what) / condition).glob("*/config.json")
+    for condition, place in places(task, what).items():
+        configs = _folder(study, task.name, place).glob("*/config.json")
         by_seed = (path.parent for path in configs if path.parent.name.isdecimal())
         for folder in sorted(by_seed, key=lambda folder: int(folder.name)):
             try:
@@ -123,13 +137,13 @@ def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[Ce
                 yield condition, str(error)
 
 
-def _known_evolved(folder: Path) -> str | None:
-    """The evolved run of a cell that was begun; None for a new one. What cannot be read is set aside."""
+def _known(folder: Path) -> CellSettings | None:
+    """The settings of a cell that was begun; None for a new one. What cannot be read is set aside."""
     config = folder / "config.json"
     if not config.exists():
         return None
     try:
-        return runs.load(folder, CellSettings).settings.evolved
+        return runs.load(folder, CellSettings).settings
     except runs.Damaged:
         files.set_aside(config, "is damaged")
         return None
@@ -152,6 +166,15 @@ def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
 def folder_of(study: Path, task: str, what: str) -> Path:
     """Where the cells of an experiment are, CONDITION/SEED below it; `task` is its short name."""
     return study / "ablations" / task / what
+
+
+def _folder(study: Path, task: str, place: Place) -> Path:
+    return folder_of(study, task, place.what) / place.condition
+
+
+def _episodes(known: CellSettings | None, wanted: int, is_shared: bool) -> int:
+    """Episodes of a cell: as many as are wanted, or more where another experiment needs them."""
+    return max(known.episodes, wanted) if known and is_shared else wanted
 
 
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:

@@ -4,6 +4,7 @@ Cells that are as far as each other run together. Each keeps its own checkpoint 
 interrupted, deleted and made again one by one.
 """
 
+import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -14,11 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot import qlearning
+from qboot.envs.registry import get_task
 from qboot.keys import key
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
+from qboot.study.controls.conditions import Place, is_shared
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
@@ -42,7 +45,7 @@ learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), st
 
 
 class Padded(NamedTuple):
-    """What all cells of an experiment are padded to."""
+    """What cells that learn in one program are padded to."""
 
     n_actions: int
     n_inputs: int
@@ -67,37 +70,54 @@ def learn_cells(cells: Cells, workers: int) -> None:
         Diverged: if learners diverged, when the others are done.
         RunError: if another process learns in these cells.
     """
-    with lock.owned(next(iter(cells)).folder.parents[1]):
+    # Cells that are done may be read by others at the same time.
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    with contextlib.ExitStack() as stack:
+        for folder in sorted({cell.folder.parents[1] for cell in pending}):
+            stack.enter_context(lock.owned(folder))
         _learn_cells(cells, workers)
 
 
 def _learn_cells(cells: Cells, workers: int) -> None:
-    first = next(iter(cells)).settings
     for cell, evolved in cells.items():
         folders.equip(cell, evolved)
-    padded = padded_to(list(cells))
+    shapes = shapes_of(list(cells))
     pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
     for cell in pending:
         provenance.set_aside_faulty(cell, LEARN_CELL)
-    started = {cell: _begin(cell, padded) for cell in pending}
-    done = {cell: first.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
-    total = len(cells) * first.episodes
-    label = f"ablate {next(iter(cells)).task_name} {first.what}"
+    started = {cell: _begin(cell, shapes[cell]) for cell in pending}
+    done = {cell: cell.settings.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
+    total = sum(cell.settings.episodes for cell in cells)
+    first = next(iter(cells))
+    label = f"ablate {first.task_name} {first.settings.what}"
     with Progress(label, "episode", total, sum(done.values())) as progress:
 
         def report(some: list[Cell], episode: int) -> None:
             done.update(dict.fromkeys(some, episode))
-            progress.update(sum(done.values()), cells=f"{sum(n == first.episodes for n in done.values())}/{len(done)}")
+            progress.update(
+                sum(done.values()), cells=f"{sum(n == cell.settings.episodes for cell, n in done.items())}/{len(done)}"
+            )
 
-        blocks = _blocks(started, first.lanes)
+        blocks = _blocks(started, shapes, first.settings.lanes)
         with ThreadPoolExecutor(workers) as pool:
-            diverged = list(pool.map(lambda block: _learn_block(block, padded, report), blocks))
+            diverged = list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
     if words := [line for lines in diverged for line in lines]:
         raise Diverged("; ".join(words))
 
 
+def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
+    """What each cell of an experiment is padded to: with those of its condition alone where another experiment has it
+    too, so that a cell does not depend on which of them it was made for; with all the others else.
+    """
+    groups: dict[str, list[Cell]] = {}
+    for cell in cells:
+        place = Place(cell.settings.what, cell.settings.condition)
+        groups.setdefault(place.condition if is_shared(get_task(cell.settings.task), place) else "", []).append(cell)
+    return {cell: padded for group in groups.values() for padded in [padded_to(group)] for cell in group}
+
+
 def padded_to(cells: list[Cell]) -> Padded:
-    """The smallest shape that all cells fit into."""
+    """The smallest shape that some cells fit into."""
     sets = [read_actions(cell) for cell in cells]
     shortest = min(int(actions.durations.min()) for actions in sets)
     return Padded(
@@ -124,12 +144,12 @@ def key_of_cell(cell: Cell) -> jax.Array:
     return key(key_of(cell, "learning"), f"{cell.settings.what} {cell.settings.condition}")
 
 
-def _blocks(started: dict[Cell, Learning], lanes: int) -> list[dict[Cell, Learning]]:
-    """Cells that have done equally many episodes, at most `lanes` together."""
-    by_episode: dict[int, list[Cell]] = {}
+def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Padded], lanes: int) -> list[dict[Cell, Learning]]:
+    """Cells of one shape that have done equally many of as many episodes, at most `lanes` together."""
+    alike: dict[tuple, list[Cell]] = {}
     for cell, begun in started.items():
-        by_episode.setdefault(begun.episodes, []).append(cell)
-    groups = [some[i : i + lanes] for some in by_episode.values() for i in range(0, len(some), lanes)]
+        alike.setdefault((shapes[cell], begun.episodes, cell.settings.episodes), []).append(cell)
+    groups = [some[i : i + lanes] for some in alike.values() for i in range(0, len(some), lanes)]
     return [{cell: started[cell] for cell in group} for group in groups]
 
 

@@ -71,14 +71,17 @@ def learned(
     name: str,
     history_name: str,
     networks: Any = None,
+    episode: int = 0,
 ) -> Any:
     """Q-learning for `n_episodes`, checkpointed under `name`, its history written when it is over; the networks.
+
+    A learner that goes on from `networks` explores as after the `episode` episodes that these have seen.
 
     Raises:
         Diverged: if a value is no number any more; the history until then is written.
     """
     problem = problem_on(run, domains)
-    state = qlearning.init(key_of(run, purpose), problem, networks=networks)
+    state = qlearning.init(key_of(run, purpose), problem, networks=networks, episode=episode)
     checkpoint = f"{name}.checkpoint.npz"
     start = output.restored(checkpoint, partial(restored, state)) or begin(state)
 

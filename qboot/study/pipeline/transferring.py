@@ -39,7 +39,19 @@ def transfer_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
         output.write_csv("generalisation.csv", _generalisation(run, domains, networks))
     if not output.has("target_learn.csv"):
         episodes = run.settings.target_episodes
-        learned(run, output, domains, "target_learning", episodes, "target_learn", "target_learn.csv", networks)
+        # Exploration goes on from where it was: the paper's "first episodes show generalization capacities" (figure 9),
+        # which they would not with one random action in seven again.
+        learned(
+            run,
+            output,
+            domains,
+            "target_learning",
+            episodes,
+            "target_learn",
+            "target_learn.csv",
+            networks,
+            episode=run.settings.episodes,
+        )
     for method, (name, *_) in PARTS.items():
         if method != "QL" and not output.has(f"{name}.csv"):
             front = read_individuals(run, "pareto.npz").genomes if method == "ER+transfer" else None
