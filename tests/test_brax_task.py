@@ -60,7 +60,7 @@ def play(task, commands, domain=None, key=0):
 
 def test_the_environment_is_played_as_it_is_between_the_scales():
     task, env = line(), Line()
-    _, states = play(task, np.linspace(0, 1, 20))
+    start, states = play(task, np.linspace(0, 1, 20))
     state, expected = env.reset(jax.random.PRNGKey(0)), []
     for command in np.linspace(0, 1, 20):
         state = env.step(state, jnp.array([2 * command - 1]))

@@ -15,8 +15,8 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls.conditions import LAGS
-from qboot.study.costs import START, Costs, n_rollouts, n_selected, n_weights
-from qboot.study.pipeline.profiles import defaults_of
+from qboot.study.costs import n_rollouts, n_selected, n_weights
+from qboot.study.pipeline.profiles import START, Costs, defaults_of
 
 REPEATS = 5
 REPLAYED = 500  # transitions of each kept trajectory, in the measurement of updates
