@@ -143,6 +143,10 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--task", help="one task alone; default those of the paper")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--jobs", type=int, help="runs at a time; default one per core")
+    sub.add_argument(
+        "--dry-run", action="store_true", help="list the jobs and the core-hours left on this machine; start nothing"
+    )
+    command("workflow", "where the workflow for Snakemake is: docs/cluster.md", _workflow)
     return parser
 
 
@@ -182,8 +186,9 @@ def _settings(options: argparse.Namespace, rest: list[str]) -> "RunSettings":
     from qboot.envs import get_task
     from qboot.study.pipeline import profiles
 
-    source = options.source or get_task(options.task).sources[0]
-    settings = profiles.settings_of(options.task, options.profile or "quick", source, options.seed or 0)
+    source = get_task(options.task).sources[0] if options.source is None else options.source
+    profile = "quick" if options.profile is None else options.profile
+    settings = profiles.settings_of(options.task, profile, source, options.seed or 0)
     if not rest:
         return settings
     import tyro
@@ -241,9 +246,21 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.report import page
 
     out = options.out or Path("results") / options.profile
+    if options.dry_run:
+        from qboot.study import dry_run
+
+        for line in dry_run.lines(options.profile, options.task, out):
+            print(line)
+        return
     runner.share_compiled_programs(out)
     runner.reproduce(options.profile, options.task, out, options.jobs)
     print(page.write(out))
+
+
+def _workflow(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study import workflow
+
+    print(workflow.SNAKEFILE)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from qboot.study import processes, runner
+from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.runner import Job
 from qboot.study.store.files import RunError
@@ -88,7 +89,7 @@ def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):
 
     monkeypatch.setattr(processes, "run", stand_in)
     out = tmp_path / "study"
-    for what in runner.WHATS:
+    for what in WHATS:
         (out / "ablations" / "ball_collecting" / what).mkdir(parents=True)
     with pytest.raises(RunError, match="A-0: learn failed: out of luck"):
         runner.reproduce("smoke", "ball_collecting", out, jobs=1)

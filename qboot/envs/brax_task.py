@@ -223,7 +223,7 @@ class _Robot:
             return self.bounds
         # It may be asked for while something else is being traced; another thread is outside of that.
         with ThreadPoolExecutor(1) as outside:
-            reset = functools.partial(self.start, domain=self.first)
+            reset = functools.partial(_swapped, self.start, self.first)
             return outside.submit(estimated_range, self.env, self.observe, self.actions, reset).result()
 
     def reset(self, key: jax.Array, domain: Domain) -> BraxState:
@@ -344,7 +344,8 @@ def _settled_shapes(env: Any, start: Callable, domain: Domain, name: str) -> Any
     action = jax.ShapeDtypeStruct((env.action_size,), jnp.float32)
     first = jax.eval_shape(start, jax.random.PRNGKey(0), domain)
     after = jax.eval_shape(lambda state, action: env.step(_strong(state), action), first, action)
-    if jax.tree.structure(first) != jax.tree.structure(after):
+    structures: list[Any] = [jax.tree.structure(first), jax.tree.structure(after)]
+    if structures[0] != structures[1]:
         raise ValueError(
             f"{name}: reset and step of the environment return states of different structure: metrics and info must "
             "have the same entries in both"
@@ -414,3 +415,7 @@ def _rounded_outwards(lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarr
     digits = [max(0, 1 - math.floor(math.log10(one))) for one in width]
     rounded = [[round(float(value), n) for value, n in zip(end, digits, strict=True)] for end in (low, high)]
     return np.array(rounded[0], np.float32), np.array(rounded[1], np.float32)
+
+
+def _swapped(start: Callable, domain: Domain, key: jax.Array) -> Any:
+    return start(key, domain)

@@ -1,6 +1,7 @@
 """The learner "one_network": one flax network with an output per action, trained by gradient descent."""
 
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,13 +32,14 @@ class Values(linen.Module):
 
 def init(key: jax.Array, n_actions: int, n_inputs: int, hidden: int) -> Weights:
     """A network that has learned nothing."""
-    return Values(hidden, n_actions).init(keys.key(key, "one network"), jnp.zeros(n_inputs))
+    return dict(Values(hidden, n_actions).init(keys.key(key, "one network"), jnp.zeros(n_inputs)))
 
 
 def values(networks: Weights, inputs: jax.Array) -> jax.Array:
     """Values (A,) of all actions in a state, inputs (I,)."""
     hidden, n_actions = networks["params"]["output"]["kernel"].shape
-    return Values(hidden, n_actions).apply(networks, inputs)
+    found: Any = Values(hidden, n_actions).apply(networks, inputs)
+    return found
 
 
 def update(

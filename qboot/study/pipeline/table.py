@@ -31,6 +31,11 @@ class Stage(NamedTuple):
         return self.recipe.step
 
     @property
+    def needs(self) -> tuple[str, ...]:
+        """The files of earlier stages that it reads."""
+        return self.recipe.needs
+
+    @property
     def makes(self) -> tuple[str, ...]:
         """The files that it makes; it is done when all of them are whole."""
         return self.recipe.makes
