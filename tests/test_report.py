@@ -133,7 +133,7 @@ def test_a_study_that_is_not_finished_is_reported_all_the_same(tiny_run, tmp_pat
     page = report.write(tmp_path).read_text()
     assert page.count("missing</dt>") == 3  # figures 7, 8 and 9
     assert "Nothing to watch yet: no run has" in page
-    assert NO_DATA in page
+    assert NO_DATA.why in page
 
 
 def test_a_damaged_file_is_named(tiny_run, tmp_path):
@@ -173,11 +173,11 @@ def test_one_unreadable_run_does_not_hide_the_others(tiny_run, tmp_path):
 def test_an_unreadable_cell_hides_no_other_one(tiny_study, tmp_path):
     study = tmp_path / "study"
     shutil.copytree(tiny_study, study)
-    (study / "ablations" / "ball_collecting" / "sensors" / "human" / "0" / "config.json").write_text("{")
+    (study / "ablations" / "ball_collecting" / "sensors" / "random" / "0" / "config.json").write_text("{")
     page = report.write(study).read_text()
     for name in catalogue.CONTROL_PLOTS:
         assert f'id="ball_collecting-figure-{name}"' in page
-    assert re.search(r"<li>\S*sensors/human/0/config.json is damaged", page)
+    assert re.search(r"<li>\S*sensors/random/0/config.json is damaged", page)
 
 
 def test_what_a_task_does_not_have_leaves_nothing_empty(bare_study):
@@ -285,7 +285,7 @@ def test_a_player_keeps_scores_flags_and_the_end(tiny_run):
     )
     scene = task.view.scene(recording.domain, states)
     data = player.as_data(task, recording._replace(states=states), scene, max_frames=n_states)
-    assert data["scores"] == [30, 60]
+    assert (data["scored"], data["scores"]) == ([30, 60], [1, 2])
     assert data["shapes"][data["movers"][0]]["active"] == [20, 30]
     thin = player.as_data(task, recording._replace(states=states), scene, max_frames=7)
     assert len(thin["steps"]) == 7 and thin["steps"][-1] == n_states - 1

@@ -1,6 +1,5 @@
 """Running a study: order, waiting, errors; what the processes do is tested elsewhere."""
 
-import itertools
 import json
 import sys
 import threading
@@ -58,15 +57,6 @@ def test_an_error_stops_its_job_alone():
     some = [job(str(i)) for i in range(3)]
     runner.do(some, do_job, n_workers=1)
     assert [each.error for each in some] == ["bad", "no space", ""]
-
-
-def test_experiments_wait_for_the_cells_that_they_have_in_common(tmp_path):
-    """Two processes never learn in the same cell: the first experiment makes those that others have too."""
-    status = (tmp_path / f"{i}.json" for i in itertools.count())
-    first, *others = runner._sweep_jobs(tmp_path, "ball_collecting", "smoke", status, [])
-    assert first.is_ready() and len(others) == 2 and not any(job.is_ready() for job in others)
-    first.is_over = True
-    assert all(job.is_ready() for job in others)
 
 
 def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):

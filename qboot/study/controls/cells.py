@@ -100,14 +100,15 @@ def _check_lags(settings: CellSettings, task: Task) -> None:
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
     """The finished cells of an experiment by condition; conditions without any are left out.
 
-    Where there are only cells that belong to another experiment too, the experiment was not done.
+    Where there are only cells that another experiment has too, this one was not done.
     """
     found: dict[str, list[Run[CellSettings]]] = {}
     for condition, cell in _begun(study, task_name, what):
         if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
             found.setdefault(condition, []).append(cell)
-    is_done = any(cell.settings.what == what for some in found.values() for cell in some)
-    return found if is_done else {}
+    task = get_task(task_name)
+    own = (name for name, place in places(task, what).items() if not is_shared(task, place))
+    return found if any(name in found for name in own) else {}
 
 
 def faults(study: Path, task_name: str, what: str) -> list[str]:
