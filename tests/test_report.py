@@ -173,11 +173,11 @@ def test_one_unreadable_run_does_not_hide_the_others(tiny_run, tmp_path):
 def test_an_unreadable_cell_hides_no_other_one(tiny_study, tmp_path):
     study = tmp_path / "study"
     shutil.copytree(tiny_study, study)
-    (study / "ablations" / "ball_collecting" / "sensors" / "human" / "0" / "config.json").write_text("{")
+    (study / "ablations" / "ball_collecting" / "sensors" / "instant" / "0" / "config.json").write_text("{")
     page = report.write(study).read_text()
     for name in catalogue.CONTROL_PLOTS:
         assert f'id="ball_collecting-figure-{name}"' in page
-    assert re.search(r"<li>\S*sensors/human/0/config.json is damaged", page)
+    assert re.search(r"<li>\S*sensors/instant/0/config.json is damaged", page)
 
 
 def test_what_a_task_does_not_have_leaves_nothing_empty(bare_study):
