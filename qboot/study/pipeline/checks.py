@@ -41,14 +41,14 @@ def _check_networks(settings: RunSettings, task: Task) -> None:
     for name, parts in (("n_inputs", task.sensors), ("n_outputs", task.effectors)):
         given, kind = getattr(settings.dnn, name), "sensors" if name == "n_inputs" else "effectors"
         if given != len(parts):
-            raise ValueError(f"dnn.{name} is {given}: {task.name} has {len(parts)} {kind}, so it must be {len(parts)}")
+            raise ValueError(f"dnn.{name} is {given}, but {task.name} has {len(parts)} {kind}: it must be {len(parts)}")
 
 
 def _check_lags(settings: RunSettings) -> None:
     if settings.sensors.lags > settings.learner.lags:
         raise ValueError(
-            f"sensors.lags is {settings.sensors.lags}: the learner remembers no more than learner.lags, which is "
-            f"{settings.learner.lags}"
+            f"sensors.lags is {settings.sensors.lags}, but the learner remembers learner.lags = "
+            f"{settings.learner.lags} observations: it must be at most that"
         )
     if settings.n_steps <= settings.sensors.lags:
         raise ValueError(

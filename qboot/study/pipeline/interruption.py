@@ -58,8 +58,8 @@ def run_interruptible(work: Callable[[], None]) -> None:
             done.set()
 
     with _signals_raise():
-        threading.Thread(target=attempt, daemon=True).start()
         try:
+            threading.Thread(target=attempt, daemon=True).start()
             done.wait()  # an interrupted `join` would take the thread for ended
         except KeyboardInterrupt:
             is_left = not done.is_set()

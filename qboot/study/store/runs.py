@@ -101,7 +101,7 @@ def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:  # 
     config = folder / "config.json"
     if not config.exists():
         raise RunError(
-            f"{folder} is no run folder (it has no config.json): begin a run there with "
+            f"{folder} is no run folder (it has no config.json): start one with "
             f"`qboot evolve --task TASK --out {folder}`"
         )
     return Run(folder, _from_plain(kind, _read(config), config))

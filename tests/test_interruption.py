@@ -1,0 +1,167 @@
+"""Being stopped: at once, with what is unsaved saved, and nothing that goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from qboot.study import processes
+from qboot.study.pipeline import interruption, loop
+from qboot.study.pipeline.interruption import PARENT_VARIABLE, Interrupted, at_interrupt, run_interruptible
+from qboot.study.pipeline.loop import Work
+from qboot.study.store import lock
+from qboot.study.store.files import RunError
+
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and processes are those of POSIX")
+
+
+@posix
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)])
+def test_a_long_call_does_not_delay_the_end(number, code):
+    """The loop is within a step that takes longer than anybody waits; the state before it is saved."""
+    saved, in_second_step, released = [], threading.Event(), threading.Event()
+
+    def step(state):
+        if state == 1:
+            in_second_step.set()
+            os.kill(os.getpid(), number)
+            released.wait(60)
+        return state + 1
+
+    work = Work(total=3, done=lambda state: state, step=step, save=saved.append, report=lambda state: None)
+    before = signal.getsignal(number)
+    started = time.monotonic()
+    with pytest.raises(Interrupted) as stopped:
+        run_interruptible(lambda: loop.advance(work, 0))
+    assert time.monotonic() - started < 5
+    assert in_second_step.is_set() and saved == [1]
+    assert stopped.value.exit_code == code
+    assert interruption.is_left
+    assert signal.getsignal(number) == before
+    released.set()
+
+
+def test_what_work_raises_is_raised():
+    def fail():
+        raise RunError("no space")
+
+    with pytest.raises(RunError, match="no space"):
+        run_interruptible(fail)
+
+
+def test_a_failing_step_leaves_what_was_before_it_saved():
+    saved = []
+
+    def step(state):
+        if state == 2:
+            raise RunError("diverged")
+        return state + 1
+
+    work = Work(total=5, done=lambda state: state, step=step, save=saved.append, report=lambda state: None)
+    with pytest.raises(RunError, match="diverged"):
+        loop.advance(work, 0)
+    assert saved == [2]
+
+
+def test_actions_are_for_their_context_alone():
+    def action():
+        pass
+
+    with at_interrupt(action):
+        assert action in interruption._actions.values()
+    assert action not in interruption._actions.values()
+
+
+@posix
+def test_a_process_stops_when_the_one_that_started_it_is_killed():
+    """A parent starts a child that watches it; the parent is killed; the child, polite, saves and goes."""
+    child = (
+        "import os, time\n"
+        "from qboot.study.pipeline.interruption import Interrupted, run_interruptible, stop_without, PARENT_VARIABLE\n"
+        "stop_without(int(os.environ[PARENT_VARIABLE]))\n"
+        "print(os.getpid(), flush=True)\n"
+        "try: run_interruptible(lambda: time.sleep(600))\n"
+        "except Interrupted as error: print('stopped', error.exit_code, flush=True)\n"
+        "os._exit(0)\n"
+    )
+    parent = (
+        "import os, subprocess, sys\n"
+        f"environment = os.environ | {{{PARENT_VARIABLE!r}: str(os.getpid())}}\n"
+        f"subprocess.run([sys.executable, '-c', {child!r}], env=environment)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    int(process.stdout.readline())  # the child is at work
+    process.kill()
+    assert process.stdout.readline().split() == ["stopped", "143"]
+    assert process.stdout.read() == ""  # and has ended
+    process.wait()
+
+
+@posix
+def test_processes_are_stopped_together(monkeypatch):
+    monkeypatch.setattr(processes, "SECONDS_TO_STOP", 0.5)
+    monkeypatch.setattr(processes, "_stopping", threading.Event())
+    codes = []
+    stubborn = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(600)"
+
+    def run(code):
+        codes.append(processes.run([sys.executable, "-c", code], dict(os.environ)).returncode)
+
+    threads = [threading.Thread(target=run, args=[code]) for code in ("import time; time.sleep(600)", stubborn)]
+    for thread in threads:
+        thread.start()
+    while len(processes._running) < 2:
+        time.sleep(0.01)
+    time.sleep(1.0)  # the stubborn one stops listening
+    processes.stop_all()
+    for thread in threads:
+        thread.join(30)
+    assert set(codes) <= {-signal.SIGTERM, -signal.SIGKILL} and len(codes) == 2
+    run("print()")  # no other one starts
+    assert codes[-1] == 143
+
+
+@posix
+def test_a_folder_has_one_owner(tmp_path):
+    code = (
+        "import sys, pathlib\n"
+        "from qboot.study.store import lock\n"
+        f"with lock.owned(pathlib.Path({str(tmp_path)!r})): print('mine', flush=True); sys.stdin.read()\n"
+    )
+    owner = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert owner.stdout is not None and owner.stdout.readline() == "mine\n"
+    with pytest.raises(RunError, match=rf"in use by process {owner.pid} on \S+: wait"), lock.owned(tmp_path):
+        pass
+    owner.kill()
+    owner.wait()
+    (tmp_path / f".lineage.npz.{owner.pid}.part").write_text("half")
+    assert (tmp_path / lock.LOCK).exists()  # the dead owner's name is still there
+    with lock.owned(tmp_path):
+        assert not list(tmp_path.glob("*.part"))
+    assert not list(tmp_path.iterdir())
+
+
+@posix
+def test_without_locks_of_the_file_system_the_owners_life_counts(tmp_path, monkeypatch):
+    def none(*arguments):
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr(lock.fcntl, "flock", none)
+    path = tmp_path / lock.LOCK
+    host = lock.socket.gethostname()
+    path.write_text(f"process 1 on {host}\n")  # process 1 always lives
+    with pytest.raises(RunError, match="in use by process 1"), lock.owned(tmp_path):
+        pass
+    path.write_text("process 1 on another-machine\n")
+    with pytest.raises(RunError, match="on another-machine"), lock.owned(tmp_path):
+        pass
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    path.write_text(f"process {gone.pid} on {host}\n")
+    with lock.owned(tmp_path):
+        pass
