@@ -175,8 +175,10 @@ def fastsim(recorded: dict) -> dict:
     picture = recorded["arena"]
     lights = recorded["lights_xy"]
     pixel = float(recorded["real_size"]) / picture.shape[0]
+    walls = jnp.asarray(geometry.rectangles(picture))
     domain = Arena(
-        walls=jnp.asarray(geometry.rectangles(picture)),
+        walls=walls,
+        inner_walls=walls,  # of a picture, nobody knows which is the border
         start=jnp.zeros(3),
         balls=jnp.asarray(lights),
         switch=jnp.zeros(2),

@@ -3,6 +3,7 @@
 import itertools
 from types import SimpleNamespace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings
@@ -41,11 +42,12 @@ def test_hamming(seed, n, n_channels):
 def recorded(name, task, timesteps):
     """The descriptor of a rollout given as (observation, command, where) of each timestep."""
     recorder = distances.DISTANCES[name].recorder
-    record = recorder.start(task, len(timesteps))
-    for t, (observation, command, where) in enumerate(timesteps):
+    summary, rows = recorder.start(task), []
+    for observation, command, where in timesteps:
         state = SimpleNamespace(observation=jnp.array(observation), where=where)
-        record = recorder.update(task, None, record, Timestep(jnp.int32(t), jnp.bool_(True), state, jnp.array(command)))
-    return recorder.finish(task, None, record, state)
+        summary, row = recorder.update(task, None, summary, Timestep(state, jnp.array(command)))
+        rows.append(row)
+    return recorder.finish(task, None, summary, jax.tree.map(lambda *rows: jnp.stack(rows), *rows), state)
 
 
 def test_each_of_forty_sensors_counts_in_the_hamming_distance():

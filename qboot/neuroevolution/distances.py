@@ -21,7 +21,7 @@ from rapidfuzz.distance import Levenshtein
 from rapidfuzz.process import cdist
 
 from qboot.envs.task import Domain, Task, TaskState
-from qboot.neuroevolution.recorders import Recorder, Timestep, as_it_is, write
+from qboot.neuroevolution.recorders import Recorder, Timestep, keep_rows, no_summary
 
 ENTROPY_BINS = 9  # appendix B, entropy discretization
 WORD = 32  # bits
@@ -46,15 +46,11 @@ def _channels(timestep: Timestep) -> jax.Array:
 # Ad hoc: the task's own outcome, for instance where the balls are in the end.
 
 
-def _start_nothing(task: Task, n_steps: int) -> tuple:
-    return ()
+def _no_row(task: Task, domain: Domain, summary: tuple, timestep: Timestep) -> tuple[tuple, tuple]:
+    return summary, ()
 
 
-def _update_nothing(task: Task, domain: Domain, record: tuple, timestep: Timestep) -> tuple:
-    return record
-
-
-def _finish_outcome(task: Task, domain: Domain, record: tuple, final: TaskState) -> jax.Array:
+def _outcome(task: Task, domain: Domain, summary: tuple, rows: tuple, final: TaskState) -> jax.Array:
     return task.outcome(domain, final)
 
 
@@ -68,15 +64,11 @@ def adhoc(descriptors: jax.Array) -> jax.Array:
 # Hamming: sensors and effectors binarised at half range, a bit each; 0 once the rollout is over.
 
 
-def _start_bits(task: Task, n_steps: int) -> jax.Array:
-    return jnp.zeros((n_steps, -(-n_channels(task) // WORD)), jnp.uint32)
-
-
-def _update_bits(task: Task, domain: Domain, record: jax.Array, timestep: Timestep) -> jax.Array:
+def _bits(task: Task, domain: Domain, summary: tuple, timestep: Timestep) -> tuple[tuple, jax.Array]:
     on = (_channels(timestep) >= 0.5).astype(jnp.uint32)
     parts = [on[start : start + WORD] for start in range(0, len(on), WORD)]
     words = [jnp.sum(part << jnp.arange(len(part), dtype=jnp.uint32), dtype=jnp.uint32) for part in parts]
-    return write(record, timestep.t, jnp.stack(words), timestep.alive)
+    return summary, jnp.stack(words)
 
 
 @partial(jax.jit, static_argnames="n_channels")
@@ -100,13 +92,17 @@ def hamming(descriptors: jax.Array, n_channels: int) -> jax.Array:
 # Entropy: how often each channel was in each of nine bins.
 
 
-def _start_counts(task: Task, n_steps: int) -> jax.Array:
-    return jnp.zeros((n_channels(task), ENTROPY_BINS), jnp.int32)
+def _no_counts(task: Task) -> jax.Array:
+    return jnp.zeros((ENTROPY_BINS, n_channels(task)), jnp.int32)
 
 
-def _update_counts(task: Task, domain: Domain, record: jax.Array, timestep: Timestep) -> jax.Array:
+def _count(task: Task, domain: Domain, summary: jax.Array, timestep: Timestep) -> tuple[jax.Array, tuple]:
     bins = jnp.clip((_channels(timestep) * ENTROPY_BINS).astype(jnp.int32), 0, ENTROPY_BINS - 1)
-    return record + ((bins[:, None] == jnp.arange(ENTROPY_BINS)) & timestep.alive).astype(jnp.int32)
+    return summary + (bins == jnp.arange(ENTROPY_BINS)[:, None]).astype(jnp.int32), ()
+
+
+def _counts(task: Task, domain: Domain, summary: jax.Array, rows: tuple, final: TaskState) -> jax.Array:
+    return summary.T
 
 
 @jax.jit
@@ -125,13 +121,12 @@ def entropy(descriptors: jax.Array) -> jax.Array:
 # Trajectory: cells of the discretised path; -1 once the rollout is over.
 
 
-def _start_cells(task: Task, n_steps: int) -> jax.Array:
-    return jnp.full(-(-n_steps // task.trajectory_period), -1, jnp.int32)
+def _cell(task: Task, domain: Domain, summary: tuple, timestep: Timestep) -> tuple[tuple, jax.Array]:
+    return summary, 1 + task.position(domain, timestep.state)
 
 
-def _update_cells(task: Task, domain: Domain, record: jax.Array, timestep: Timestep) -> jax.Array:
-    sampled = timestep.alive & (timestep.t % task.trajectory_period == 0)
-    return write(record, timestep.t // task.trajectory_period, task.position(domain, timestep.state), sampled)
+def _cells(task: Task, domain: Domain, summary: tuple, rows: jax.Array, final: TaskState) -> jax.Array:
+    return rows[:: task.trajectory_period] - 1
 
 
 def trajectory(descriptors: np.ndarray) -> np.ndarray:
@@ -158,17 +153,10 @@ def _mean_euclidean(points: jax.Array) -> jax.Array:
 
 
 DISTANCES = {
-    "adhoc": Distance(
-        Recorder(_start_nothing, _update_nothing, _finish_outcome), lambda task, descriptors: adhoc(descriptors)
-    ),
+    "adhoc": Distance(Recorder(no_summary, _no_row, _outcome), lambda task, descriptors: adhoc(descriptors)),
     "hamming": Distance(
-        Recorder(_start_bits, _update_bits, as_it_is),
-        lambda task, descriptors: hamming(descriptors, n_channels(task)),
+        Recorder(no_summary, _bits, keep_rows), lambda task, descriptors: hamming(descriptors, n_channels(task))
     ),
-    "entropy": Distance(
-        Recorder(_start_counts, _update_counts, as_it_is), lambda task, descriptors: entropy(descriptors)
-    ),
-    "trajectory": Distance(
-        Recorder(_start_cells, _update_cells, as_it_is), lambda task, descriptors: trajectory(descriptors)
-    ),
+    "entropy": Distance(Recorder(_no_counts, _count, _counts), lambda task, descriptors: entropy(descriptors)),
+    "trajectory": Distance(Recorder(no_summary, _cell, _cells), lambda task, descriptors: trajectory(descriptors)),
 }

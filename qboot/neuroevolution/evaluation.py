@@ -1,7 +1,7 @@
 """Running networks in a task: many controllers, all domains, one compiled loop.
 
-Shape letters: B controllers, D domains, n = D `rollouts_per_domain` rollouts, L = B n lanes that run side by side,
-T steps, K computing neurons.
+Shape letters: B controllers, D domains, n rollouts, L lanes in which they run side
+by side, T steps, K computing neurons.
 """
 
 from collections.abc import Callable
@@ -19,32 +19,23 @@ from qboot.neuroevolution import dnn
 from qboot.neuroevolution.dnn import DnnSettings, Genome, Network
 from qboot.neuroevolution.recorders import Recorder, Timestep
 
-# Steps between two looks at which lanes still run: so many at most, and so many looks a rollout.
+# Steps between two looks at which rollouts still go on: so many at most, and so many looks a rollout.
 CHUNK = 250
 CHUNKS_PER_ROLLOUT = 20
-# The batch shrinks to these shares of its first size as lanes are over.
-BATCH_SHARES = (1, 4, 16)
-# Smaller batches, as those of a single network, are not worth a compiled loop for each share.
-SMALLEST_SHARED = 16
-# Controllers per compiled call on a CPU: their data stays in the cache, and calls spread over the cores.
-BLOCK = 16
-
+# Controllers per compiled call: calls spread over the cores, and the last rollouts of each leave lanes empty.
+BLOCK = 64
 
 AnyArray = TypeVar("AnyArray", jax.Array, np.ndarray)
-# All lanes are at the same time.
-LANES_OF_TIMESTEP: Any = Timestep(None, 0, 0, 0)  # type: ignore[arg-type]
 
 
-class Lanes(NamedTuple):
-    """Rollouts that run side by side; leading axis L on every leaf."""
+class Progress(NamedTuple):
+    """How far rollouts have come; leading axis n or L on every leaf."""
 
-    domains: Domain
-    networks: Network
     states: TaskState
-    activities: jax.Array  # (L, K)
-    rewards: jax.Array  # (L,) sum so far
-    steps: jax.Array  # (L,) int32 lived so far
-    records: Any
+    activities: jax.Array  # (n, K)
+    rewards: jax.Array  # (n,) sum so far
+    steps: jax.Array  # (n,) int32 lived so far
+    summaries: Any  # by the recorder
 
 
 class Evaluation(NamedTuple):
@@ -64,79 +55,104 @@ def rollouts_of(task: Task, domains: Domain) -> tuple[Domain, int]:
 def run(
     task: Task, recorder: Recorder, networks: Network, domains: Domain, keys: jax.Array
 ) -> tuple[Any, jax.Array, jax.Array]:
-    """Run L networks, each in its own domain, for the task's `max_steps` or until all are done or truncated.
+    """Run n rollouts, each of its own network in its own domain, for `max_steps` or until it is done or truncated.
 
-    Lanes that are over are dropped from the batch: once no more than a quarter of them run, the loop goes on with a
-    quarter of the batch, then with a sixteenth.
+    `task.lanes` rollouts run side by side for a chunk of steps at a time. A rollout that is over by then leaves its
+    lane to the next one, so that all lanes are in use until the last rollouts.
 
     Args:
         task: the task.
         recorder: what to keep of each rollout.
-        networks: leading axis L.
-        domains: leading axis L.
-        keys: (L,) random keys for the starts.
+        networks: leading axis n.
+        domains: leading axis n.
+        keys: (n,) random keys for the starts.
 
     Returns:
-        Descriptions by the recorder (L, ...), rewards (L,), steps lived (L,) int32.
+        Descriptors by the recorder (n, ...), rewards (n,), steps lived (n,) int32.
     """
-    n_lanes = len(keys)
+    n_rollouts, n_lanes = len(keys), min(task.lanes, len(keys))
     chunk = max(1, min(CHUNK, task.max_steps // CHUNKS_PER_ROLLOUT))
     n_chunks = -(-task.max_steps // chunk)
-    # A record starts the same for all lanes.
-    records = jax.tree.map(
-        lambda leaf: jnp.broadcast_to(leaf, (n_lanes, *leaf.shape)), recorder.start(task, task.max_steps)
+    run_chunk = partial(_run_chunk, task, recorder, chunk)
+    progress = Progress(
+        jax.vmap(task.reset)(keys, domains),
+        jax.vmap(dnn.rest)(networks),
+        jnp.zeros(n_rollouts),
+        jnp.zeros(n_rollouts, jnp.int32),
+        # A summary starts the same for all rollouts.
+        jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (n_rollouts, *leaf.shape)), recorder.start(task)),
     )
-    activities = jax.vmap(dnn.rest)(networks)
-    states = jax.vmap(task.reset)(keys, domains)
-    lanes = Lanes(domains, networks, states, activities, jnp.zeros(n_lanes), jnp.zeros(n_lanes, jnp.int32), records)
-    shares = BATCH_SHARES if n_lanes >= SMALLEST_SHARED else BATCH_SHARES[:1]
-    sizes = [-(-n_lanes // share) for share in shares]
-    first_chunk = jnp.int32(0)
-    for size, next_size in zip(sizes, [*sizes[1:], 0], strict=True):
-        # Places past the end fill up the batch; what happens in them is dropped.
-        places = jnp.nonzero(_goes_on(task, lanes.states), size=size, fill_value=n_lanes)[0]
-        batch = jax.tree.map(lambda leaf, places=places: leaf[jnp.minimum(places, n_lanes - 1)], lanes)
+    rows = jax.tree.map(
+        lambda leaf: jnp.zeros((n_rollouts, n_chunks, *leaf.shape[1:]), leaf.dtype),
+        jax.eval_shape(run_chunk, networks, domains, progress)[1],
+    )
 
-        def some_go_on(carry, places=places, next_size=next_size):
-            batch, i = carry
-            n_running = jnp.sum(_goes_on(task, batch.states) & (places < n_lanes))
-            return (i < n_chunks) & (n_running > next_size)
+    def advance(carry):
+        progress, rows = carry
+        places = _first(_goes_on(task, progress), n_lanes)
+        here = jax.tree.map(lambda leaf: leaf[places], (networks, domains, progress))
+        chunks = here[2].steps // chunk
+        there, new_rows = run_chunk(*here)
+        return _put(progress, there, (places,)), _put(rows, new_rows, (places, chunks))
 
-        def run_chunk(carry):
-            batch, i = carry
-            return _run_steps(task, recorder, batch, i * chunk + jnp.arange(chunk)), i + 1
-
-        batch, first_chunk = jax.lax.while_loop(some_go_on, run_chunk, (batch, first_chunk))
-        lanes = jax.tree.map(lambda all, some, places=places: all.at[places].set(some, mode="drop"), lanes, batch)
-    descriptors = jax.vmap(partial(recorder.finish, task))(domains, lanes.records, lanes.states)
-    return descriptors, lanes.rewards, lanes.steps
+    progress, rows = jax.lax.while_loop(lambda carry: jnp.any(_goes_on(task, carry[0])), advance, (progress, rows))
+    rows = jax.tree.map(
+        lambda leaf: leaf.reshape(n_rollouts, n_chunks * chunk, *leaf.shape[3:])[:, : task.max_steps], rows
+    )
+    finish = jax.vmap(partial(recorder.finish, task))
+    return finish(domains, progress.summaries, rows, progress.states), progress.rewards, progress.steps
 
 
-def _run_steps(task: Task, recorder: Recorder, lanes: Lanes, times: jax.Array) -> Lanes:
-    """Run all lanes for the steps `times` (chunk,) of their rollouts."""
+def _run_chunk(
+    task: Task, recorder: Recorder, n_steps: int, networks: Network, domains: Domain, progress: Progress
+) -> tuple[Progress, Any]:
+    """Go on with L rollouts for `n_steps` each; what they become, and the recorder's rows (L, n_steps, ...)."""
 
-    def step(lanes: Lanes, t: jax.Array) -> tuple[Lanes, None]:
-        alive = _goes_on(task, lanes.states) & (t < task.max_steps)
+    def step(progress: Progress, _: None) -> tuple[Progress, Any]:
+        alive = _goes_on(task, progress)
         # Every lane has its own weights, repeated if need be: a batch of matrix-vector products stays inside the
         # one kernel that the loop compiles to, a product with shared weights does not.
-        activities = jax.vmap(dnn.step)(lanes.networks, lanes.activities, lanes.states.observation)
+        activities = jax.vmap(dnn.step)(networks, progress.activities, progress.states.observation)
         commands = activities[:, : len(task.effectors)]
-        timesteps = Timestep(t, alive, lanes.states, commands)
-        records = jax.vmap(partial(recorder.update, task), in_axes=(0, 0, LANES_OF_TIMESTEP))(
-            lanes.domains, lanes.records, timesteps
+        summaries, rows = jax.vmap(partial(recorder.update, task))(
+            domains, progress.summaries, Timestep(progress.states, commands)
         )
-        after = jax.vmap(task.step)(lanes.domains, lanes.states, commands)
-        after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, lanes.states)
-        rewards = lanes.rewards + jnp.where(alive, after.reward, 0.0)
-        steps = lanes.steps + alive.astype(jnp.int32)
-        return Lanes(lanes.domains, lanes.networks, after, activities, rewards, steps, records), None
+        states = jax.vmap(task.step)(domains, progress.states, commands)
+        after = Progress(states, activities, progress.rewards + states.reward, progress.steps + 1, summaries)
+        after = jax.tree.map(lambda new, old: jnp.where(expand(alive, new), new, old), after, progress)
+        # Nobody asks for the activities of a rollout that is over.
+        after = after._replace(activities=activities)
+        return after, jax.tree.map(lambda row: jnp.where(expand(alive, row), row, jnp.zeros_like(row)), rows)
 
-    return jax.lax.scan(step, lanes, times)[0]
+    progress, rows = jax.lax.scan(step, progress, None, n_steps)
+    return progress, jax.tree.map(lambda leaf: jnp.swapaxes(leaf, 0, 1), rows)
 
 
-def _goes_on(task: Task, states: TaskState) -> jax.Array:
-    """Which rollouts (L,) are neither done nor truncated."""
-    return ~states.done & ~jax.vmap(task.truncated)(states)
+def _first(mask: jax.Array, n: int) -> jax.Array:
+    """Indices (n,) of the first n that are true in `mask` (N,); the last one for those that there are not."""
+    ranks = jnp.cumsum(mask)
+    return jnp.minimum(jnp.sum(ranks <= jnp.arange(n)[:, None], axis=1), len(mask) - 1)
+
+
+def _put(tables: Any, values: Any, index: tuple[jax.Array, ...]) -> Any:
+    """`tables` (N, ...) with `values` (L, ...) at `index`, a tuple of (L,) arrays."""
+
+    def put_one(i, tables):
+        at = [part[i] for part in index]
+        return jax.tree.map(
+            lambda table, value: jax.lax.dynamic_update_slice(
+                table, value[i].reshape((1,) * len(at) + value.shape[1:]), (*at, *[0] * (table.ndim - len(at)))
+            ),
+            tables,
+            values,
+        )
+
+    return jax.lax.fori_loop(0, len(index[0]), put_one, tables)
+
+
+def _goes_on(task: Task, progress: Progress) -> jax.Array:
+    """Which rollouts (n,) are neither done nor truncated nor at their last step."""
+    return ~progress.states.done & ~jax.vmap(task.truncated)(progress.states) & (progress.steps < task.max_steps)
 
 
 @partial(jax.jit, static_argnames=("task", "settings", "recorder"))

@@ -1,4 +1,4 @@
-"""Recorders: what is kept of a rollout, folded timestep by timestep into a record of fixed size.
+"""Recorders: what is kept of a rollout, timestep by timestep.
 
 Only what is asked for is recorded: the rest would cost time and memory for nothing, and a rollout can be run again, to
 the bit. Shape letters: T steps, S sensors, E effectors.
@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 
 from qboot.envs.task import Domain, Task, TaskState
 
@@ -16,58 +15,48 @@ from qboot.envs.task import Domain, Task, TaskState
 class Timestep(NamedTuple):
     """One timestep of one rollout, as a recorder sees it."""
 
-    t: jax.Array  # () int32
-    alive: jax.Array  # () bool, false once the rollout is over: nothing more is to be recorded
     state: TaskState  # before the step
     command: jax.Array  # (E,) in [0, 1], in response to the state
 
 
 class Recorder(NamedTuple):
-    """How a rollout is recorded; all functions are for one rollout."""
+    """How a rollout is recorded; all functions are for one rollout.
 
-    start: Callable[[Task, int], Any]  # (task, n_steps) -> empty record
-    update: Callable[[Task, Domain, Any, Timestep], Any]  # -> record with one more timestep
-    finish: Callable[[Task, Domain, Any, TaskState], Any]  # (..., record, final state) -> what is kept
+    Each timestep changes a summary and gives a row of a table. Both are as they were, and the table's rows 0, once the
+    rollout is over.
+    """
 
-
-def as_it_is(task: Task, domain: Domain, record: Any, final: TaskState) -> Any:
-    """Keep the record (a `finish` of recorders)."""
-    return record
-
-
-def write(buffer: jax.Array, index: jax.Array, value: jax.Array, alive: jax.Array) -> jax.Array:
-    """`buffer` (T, ...) with `value` (...) at `index`, or as it was when not `alive`."""
-    return buffer.at[index].set(jnp.where(alive, value.astype(buffer.dtype), buffer[index]))
+    start: Callable[[Task], Any]  # (task) -> summary of nothing
+    update: Callable[[Task, Domain, Any, Timestep], tuple[Any, Any]]  # (..., summary, timestep) -> summary, row
+    finish: Callable[[Task, Domain, Any, Any, TaskState], Any]  # (..., summary, rows (T, ...), final state) -> kept
 
 
-def _start_flow(task: Task, n_steps: int) -> tuple[jax.Array, jax.Array]:
-    return jnp.zeros((n_steps, len(task.sensors))), jnp.zeros((n_steps, len(task.effectors)))
+def no_summary(task: Task) -> tuple:
+    """An empty summary (a `start` of recorders)."""
+    return ()
 
 
-def _update_flow(task: Task, domain: Domain, record: tuple, timestep: Timestep) -> tuple[jax.Array, jax.Array]:
-    observations, commands = record
-    return (
-        write(observations, timestep.t, timestep.state.observation, timestep.alive),
-        write(commands, timestep.t, timestep.command, timestep.alive),
-    )
+def keep_rows(task: Task, domain: Domain, summary: Any, rows: Any, final: TaskState) -> Any:
+    """Keep the rows (a `finish` of recorders)."""
+    return rows
 
 
-def _start_states(task: Task, n_steps: int) -> TaskState:
-    domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains(task.sources[0]))
-    state = jax.eval_shape(task.reset, jax.random.key(0), domain)
-    return jax.tree.map(lambda leaf: jnp.zeros((n_steps, *leaf.shape), leaf.dtype), state)
+def _flow(task: Task, domain: Domain, summary: tuple, timestep: Timestep) -> tuple[tuple, tuple[jax.Array, jax.Array]]:
+    return summary, (timestep.state.observation, timestep.command)
 
 
-def _update_states(task: Task, domain: Domain, record: TaskState, timestep: Timestep) -> TaskState:
-    return jax.tree.map(lambda buffer, value: write(buffer, timestep.t, value, timestep.alive), record, timestep.state)
+def _states(task: Task, domain: Domain, summary: tuple, timestep: Timestep) -> tuple[tuple, TaskState]:
+    return summary, timestep.state
 
 
-def _finish_states(task: Task, domain: Domain, record: TaskState, final: TaskState) -> tuple[TaskState, TaskState]:
-    return record, final
+def _rows_and_end(
+    task: Task, domain: Domain, summary: tuple, rows: TaskState, final: TaskState
+) -> tuple[TaskState, TaskState]:
+    return rows, final
 
 
-FLOW = Recorder(_start_flow, _update_flow, as_it_is)
+FLOW = Recorder(no_summary, _flow, keep_rows)
 """The sensori-motor flow of a rollout, a learning trace (section IV-A): observations (T, S) and commands (T, E)."""
 
-STATES = Recorder(_start_states, _update_states, _finish_states)
+STATES = Recorder(no_summary, _states, _rows_and_end)
 """Every state of a rollout (T, ...), and the final one."""

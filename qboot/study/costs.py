@@ -15,7 +15,7 @@ from qboot.envs.task import Domain, Task
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.controls.conditions import LAGS, conditions
 from qboot.study.jobs import Job
-from qboot.study.pipeline.profiles import Defaults, control_size_of, defaults_of, size_of
+from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
 
 # What only an extraction tells, as found in the runs of docs/results.md: ancestors of the best-of-run for each
@@ -26,25 +26,6 @@ SHARE_OF_INPUTS = 0.6
 EXTRACTION = 20.0
 
 
-class Costs(NamedTuple):
-    """Rates of one task on one machine, in core-seconds where nothing else is said."""
-
-    start: float  # a process and its libraries
-    compile_evolution: float  # the program that evaluates a block of controllers
-    compile_learning: float  # the program of an episode of Q-learning
-    rollout_step: float  # evolution: a step of one rollout with network and recorder
-    acting_step: float  # Q-learning: a step of the robot
-    update: float  # Q-learning: an update, were the networks without weights
-    weight: float  # Q-learning: what each input weight of all networks adds to an update
-    lived: float  # share of the longest rollout that a Q-learner lives
-
-
-# On a core of an Intel Xeon (AVX-512), jax 0.10: for the weights of the progress bar, whose proportions alone count.
-START = 4.0
-USUAL = Costs(START, 9.0, 4.5, 4.4e-7, 1.3e-6, 5e-6, 8e-11, 1.0)
-USUAL_BY_TASK = {"box_pushing": Costs(START, 30.0, 12.0, 2.0e-6, 7e-6, 3e-6, 8e-11, 0.7)}
-
-
 def seconds_of(job: Job, costs: Costs) -> dict[str, float]:
     """Core-seconds of a job from its beginning to its end, by the names of the parts that it reports to be at."""
     return _of_stage(job.run, job.step, costs) if job.run else _of_control(job, costs)
@@ -52,7 +33,7 @@ def seconds_of(job: Job, costs: Costs) -> dict[str, float]:
 
 def of_usual(job: Job) -> dict[str, float]:
     """The same by usual costs, unmeasured: the weights of the progress bar."""
-    return seconds_of(job, USUAL_BY_TASK.get(job.task_name, USUAL))
+    return seconds_of(job, defaults_of(get_task(job.task)).usual_costs)
 
 
 def n_selected(task: Task, defaults: Defaults) -> float:

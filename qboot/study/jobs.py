@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from qboot.envs.registry import BUILT_IN, get_task
 from qboot.study.controls.cells import folder_of as folder_of_cells
-from qboot.study.controls.conditions import WHATS, conditions
+from qboot.study.controls.conditions import WHATS, places
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES, Stage, stage
 from qboot.study.store import runs
@@ -13,6 +13,7 @@ from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 ABLATE = "ablate"
+EVOLVED = ("lineage.npz", "actions.npz", "sensors.npz")  # of a run, from which learners start
 
 
 class Job(NamedTuple):
@@ -87,20 +88,23 @@ def _stage_job(out: Path, run: RunSettings, stage: Stage) -> Job:
 
 def _control_job(out: Path, task: str, what: str, profile: str, of_runs: list[RunSettings]) -> Job:
     """A control experiment; it needs the actions and sensors of all runs of its task, from which its learners start."""
-    name = get_task(task).name
-    folder, size = folder_of_cells(out, name, what), profiles.control_size_of(get_task(task), what, profile)
-    cells = [(condition, seed) for condition in conditions(get_task(task), what) for seed in range(size.runs)]
+    name, size = get_task(task).name, profiles.control_size_of(get_task(task), what, profile)
+    at_home: dict[bool, list[Path]] = {True: [], False: []}
+    for place in places(get_task(task), what).values():
+        folder = folder_of_cells(out, name, place.what) / place.condition
+        at_home[place.what == what] += [folder / str(seed) / "qlearning.csv" for seed in range(size.runs)]
     return Job(
         label=f"{name} {what}",
         task=task,
         profile=profile,
         step=ABLATE,
         what=what,
-        folder=folder,
+        folder=folder_of_cells(out, name, what),
         arguments=(ABLATE, "--task", task, "--what", what, "--profile", profile, "--out", str(out)),
-        needs=tuple(
-            runs.folder_of(out, run) / file for run in of_runs for file in ("lineage.npz", "actions.npz", "sensors.npz")
+        needs=(
+            *(runs.folder_of(out, run) / file for run in of_runs for file in EVOLVED),
+            *at_home[False],  # cells that it has in common with another experiment
         ),
-        makes=tuple(folder / condition / str(seed) / "qlearning.csv" for condition, seed in cells),
+        makes=tuple(at_home[True]),
         is_parallel=True,
     )

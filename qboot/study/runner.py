@@ -1,14 +1,14 @@
 """Running a study: stages as processes of their own, spread over the cores, retried, skipped when done."""
 
+import contextlib
 import itertools
 import json
 import os
-import subprocess
+import shutil
 import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,11 +16,14 @@ from pathlib import Path
 import jax
 from tqdm import tqdm
 
-from qboot.study import costs
+from qboot.study import costs, processes
 from qboot.study import jobs as plan
+from qboot.study.pipeline.checks import check
+from qboot.study.pipeline.interruption import at_interrupt
 from qboot.study.pipeline.progress import STATUS_VARIABLE
-from qboot.study.store import runs
+from qboot.study.store import lock, provenance, runs
 from qboot.study.store.files import RunError
+from qboot.study.store.settings import RunSettings
 
 # A stage that fails is run once more: it may have been killed for memory.
 TRIES = 2
@@ -54,22 +57,58 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
     table = plan.jobs_of(profile, task, out)
-    for each in table:
-        if each.run:
-            runs.create(each.folder, each.run)
-    with tempfile.TemporaryDirectory() as scratch:
-        status = (Path(scratch) / f"{i}.json" for i in itertools.count())
+    settings = list(dict.fromkeys(each.run for each in table if each.run))
+    for run in settings:
+        check(run)
+    unusable = _create(out, settings)
+    with lock.owned(out), _scratch(out) as scratch, at_interrupt(processes.stop_all):
+        status = (scratch / f"{i}.json" for i in itertools.count())
         # The stages of a run follow each other; a control experiment waits for the runs of its task.
         of_runs = [
             _run_job(list(stages), next(status))
-            for _, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.folder)
+            for run, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.run)
+            if run not in unusable
         ]
-        of_sweeps = [_sweep_job(each, next(status), of_runs) for each in table if not each.run]
-        everything = of_runs + of_sweeps
+        of_sweeps: dict[plan.Job, Job] = {}
+        for each in table:
+            if not each.run:
+                # ... and for the experiment that makes the cells that it has in common with it.
+                earlier = [of_sweeps[other] for other in plan.waits_for(each, list(of_sweeps))]
+                of_sweeps[each] = _sweep_job(each, next(status), of_runs, earlier)
+        everything = [*of_runs, *of_sweeps.values()]
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
-    errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
+    errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
     if errors:
         raise RunError("; ".join(errors))
+
+
+def _create(out: Path, some: list[RunSettings]) -> dict[RunSettings, str]:
+    """Begin all runs; why some cannot be, if others can.
+
+    Raises:
+        RunError: if none can be begun.
+    """
+    unusable = {}
+    for run in some:
+        try:
+            runs.create(runs.folder_of(out, run), run)
+        except RunError as error:
+            unusable[run] = str(error)
+    if len(unusable) == len(some):
+        raise RunError(next(iter(unusable.values())))
+    return unusable
+
+
+@contextlib.contextmanager
+def _scratch(out: Path) -> Iterator[Path]:
+    """A folder for the time of a study; what a killed process left in it is removed."""
+    folder = out / ".status"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def share_compiled_programs(out: Path) -> None:
@@ -88,10 +127,10 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         do_job: does one; returns its error, or nothing.
         n_workers: at a time, >= 1.
     """
-    waiting, lock = list(some), threading.Lock()
+    waiting, one_at_a_time = list(some), threading.Lock()
 
     def take() -> Job | None:
-        with lock:
+        with one_at_a_time:
             job = next((job for job in waiting if job.is_ready()), None)
             if job:
                 waiting.remove(job)
@@ -127,16 +166,24 @@ def _run_job(stages: list[plan.Job], status: Path) -> Job:
     return Job(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
 
 
-def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job]) -> Job:
+def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job], earlier: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    its_runs = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
+    awaited = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in its_runs)
+        extracted = all(job.is_over or _is_extracted(job.folder) for job in awaited)
+        return extracted and all(job.is_over for job in earlier)
 
     steps, parts = {control.step: control.arguments}, costs.of_usual(control)
     before = sum(parts.values()) if control.is_done else 0.0
     return Job(control.label, status, control.folder, steps, parts, before, is_ready)
+
+
+def _is_extracted(folder: Path) -> bool:
+    try:
+        return provenance.is_whole(runs.load(folder), "sensors.npz")
+    except RunError:
+        return False
 
 
 def _do_steps(job: Job) -> str:
@@ -146,10 +193,10 @@ def _do_steps(job: Job) -> str:
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
             started, before = time.time(), _read_status(job.status)
-            result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+            result = processes.run(command, environment)
             if result.returncode == 0 and _read_status(job.status) != before:
                 _note_time(job.folder, step, time.time() - started)
-            if result.returncode in (0, 2, 130):
+            if result.returncode in (0, 2, 129, 130, 143):
                 break
         if result.returncode:
             words = result.stderr.strip().splitlines() or [f"exit code {result.returncode}"]

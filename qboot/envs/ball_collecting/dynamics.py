@@ -113,7 +113,7 @@ def lights(domain: Arena, centre: jax.Array, axes: jax.Array, points: jax.Array)
     offset = points - centre
     along = axes[:, 0, None] * offset[:, 0] + axes[:, 1, None] * offset[:, 1]
     inside = along >= jnp.sqrt(offset[:, 0] ** 2 + offset[:, 1] ** 2) * math.cos(LIGHT_HALF_OPENING)
-    return inside & geometry.is_visible(centre / domain.pixel, points / domain.pixel, domain.walls)
+    return inside & geometry.is_visible(centre / domain.pixel, points / domain.pixel, domain.inner_walls)
 
 
 def observe(
