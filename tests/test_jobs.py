@@ -37,7 +37,7 @@ def test_the_table_of_the_smallest_study(tmp_path):
     assert len(control.makes) == 8
     assert tmp_path / "ablations" / "box_pushing" / "n_actions" / "5" / "1" / "qlearning.csv" in control.makes
     waits = {each.label for each in jobs.waits_for(control, table)}
-    assert waits == {"box_pushing A-0 evolve", "box_pushing A-0 extract"}
+    assert waits == {"box_pushing A-0 evolve", "box_pushing A-0 extract", "box_pushing actions"}
     assert jobs.waits_for(evolve, table) == []
 
 
