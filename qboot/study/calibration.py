@@ -16,7 +16,7 @@ from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls.conditions import LAGS
 from qboot.study.costs import n_rollouts, n_selected, n_weights
-from qboot.study.pipeline.profiles import START, Costs, defaults_of
+from qboot.study.pipeline.profiles import Costs, defaults_of
 
 REPEATS = 5
 REPLAYED = 500  # transitions of each kept trajectory, in the measurement of updates
@@ -43,7 +43,7 @@ def measure(task: Task, n_steps: int) -> Costs:
     of_small, of_large = _update_seconds(small), _update_seconds(large)
     weight = (of_large - of_small) / (_n_weights(large) - _n_weights(small))
     return Costs(
-        start=START,
+        start=defaults.usual_costs.start,
         compile_evolution=compile_evolution,
         compile_learning=compile_learning,
         rollout_step=block / (evaluation.BLOCK * rollout_steps),

@@ -13,7 +13,7 @@ import numpy as np
 from qboot.envs.registry import get_task
 from qboot.envs.task import Domain, Task
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.controls.conditions import LAGS, conditions
+from qboot.study.controls.conditions import LAGS
 from qboot.study.jobs import Job
 from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
@@ -121,7 +121,7 @@ def _of_control(job: Job, costs: Costs) -> dict[str, float]:
         n_inputs=max(n_inputs, sum(map(len, expert.sensors)) if expert else n_selected(task, defaults)),
         duration=float(np.mean(durations)),
     )
-    episodes = len(conditions(task, job.what)) * size.runs * size.episodes
+    episodes = len(job.makes) * size.episodes
     # Several learners side by side are a larger program, and their extraction is played again.
     compiling = 2 * costs.compile_learning + (costs.compile_evolution if job.what == "n_actions" else 0.0)
     return {job.step: costs.start + compiling + episodes * learning.seconds(costs)}

@@ -235,7 +235,7 @@ def _seconds_done(job: Job, status: dict | None) -> float:
     names = list(job.parts)
     if job.is_over:
         return sum(job.parts.values())
-    part = status["label"].split()[0] if status else None
+    part = status["label"].split()[0] if status else ""
     if status is None or part not in job.parts:
         return job.before
     done = sum(job.parts[name] for name in names[: names.index(part)])
