@@ -76,7 +76,7 @@ def test_the_environment_is_played_as_it_is_between_the_scales():
 
 
 def test_done_is_absorbing_and_earns_nothing():
-    start, states = play(line(), np.ones(20))
+    _, states = play(line(), np.ones(20))
     end = int(np.argmax(np.asarray(states.done)))
     assert states.done[end:].all() and not states.done[:end].any()
     assert states.reward[end] > 0.8 and not states.reward[end + 1 :].any()
@@ -86,7 +86,7 @@ def test_done_is_absorbing_and_earns_nothing():
 
 def test_success_pays_once_and_ends_the_rollout():
     task = line(success=lambda state: state.pipeline_state < -0.5)
-    start, states = play(task, np.zeros(20))
+    _, states = play(task, np.zeros(20))
     assert np.asarray(states.reward).tolist().count(10.0) == 1 and float(states.reward.sum()) == 10.0 == task.reward
     assert states.done[int(np.argmax(np.asarray(states.reward))) :].all()
     _, never = play(task, np.full(20, 0.5))

@@ -91,7 +91,8 @@ def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:  # 
     config = folder / "config.json"
     if not config.exists():
         raise RunError(
-            f"{folder} is no run folder (it has no config.json): start one with `qboot evolve --task TASK --out {folder}`"
+            f"{folder} is no run folder (it has no config.json): start one with "
+            f"`qboot evolve --task TASK --out {folder}`"
         )
     return Run(folder, _from_plain(kind, _read(config), config))
 
