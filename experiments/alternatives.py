@@ -14,18 +14,22 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from qboot.extraction.clustering import CLUSTERINGS
 from qboot.extraction.segmentation import SEGMENTATIONS
 from qboot.extraction.sensors import SELECTIONS
 from qboot.neuroevolution.algorithms import ALGORITHMS
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.evaluation import evaluate
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
 from qboot.study.analysis.curves import Curve, common_grid, moving_mean, source_curve, top_score
 from qboot.study.figures.drawing import STYLE, new_figure
 from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
+from qboot.study.store.artifacts import key_of, read_lineage, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
@@ -34,6 +38,7 @@ EVOLVED = ("history.csv", "lineage.npz", "pareto.npz")
 EXTRACTED = ("actions.npz", "sensors.npz")
 WINDOW = 20  # episodes of Q-learning that a curve is a mean over
 LAST = 1 / 4  # of the episodes, the final score is the mean over
+FRESH = 20  # episodes that the best network of an evolution is scored by
 
 
 class Phase(NamedTuple):
@@ -102,9 +107,16 @@ def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSetting
 
 
 def final_score(run: Run[RunSettings], method: str) -> float:
-    """Best score of an evolution, mean score of the last episodes of Q-learning."""
-    scores = source_curve(run, method).scores
-    return float(scores[-1] if method == "ER" else scores[-max(1, round(LAST * len(scores))) :].mean())
+    """Mean score of the best network in fresh episodes, or of the last episodes of Q-learning."""
+    if method == "QL":
+        scores = source_curve(run, method).scores
+        return float(scores[-max(1, round(LAST * len(scores))) :].mean())
+    task, best = task_of(run), read_lineage(run).genomes
+    genomes = jax.tree.map(lambda leaf: np.repeat(leaf[-1:], FRESH, axis=0), best)
+    fresh = jax.random.split(key_of(run, "fresh"), FRESH)
+    recorder = DISTANCES["adhoc"].recorder
+    domains = task.source_domains(run.settings.source)
+    return float(evaluate(task, run.settings.dnn, recorder, domains, genomes, fresh).scores.sum(axis=1).mean())
 
 
 def markdown(done: list[dict]) -> str:
@@ -141,7 +153,7 @@ def draw(done: list[dict], path: Path) -> None:
             labels = [f"{name} (paper)" if name == phase.names[0] else name for name in phase.names]
             row[1].set_yticks(-np.arange(len(labels)), labels)
             row[1].set(xlim=(0, 1.03 * top), ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
-        figure.savefig(path, dpi=110)
+        files.write(path, lambda stream: figure.savefig(stream, format="png", dpi=110))
 
 
 def _draw_curves(axes, curves: list[Curve], method: str, colour: str, name: str) -> None:
