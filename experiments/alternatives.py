@@ -31,6 +31,7 @@ from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import key_of, read_lineage, task_of
 from qboot.study.store.files import RunError
+from qboot.study.store.provenance import RECORD
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -97,8 +98,9 @@ def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSetting
         done[key, phase.names[0]] = paper
         for name in phase.names[1:]:
             run = runs.create(out / key / f"{name}-{settings.seed}", changed(settings, phase, name))
-            for file in phase.shared:
-                if not run.file(file).exists():
+            if not run.file(RECORD).exists():
+                # The record last: without it, nothing that was copied is believed.
+                for file in (*phase.shared, *([RECORD] if phase.shared else [])):
                     shutil.copy(paper.file(file), run.file(file))
             for stage in phase.stages:
                 table.stage(stage).do(run)
