@@ -68,7 +68,7 @@ PHASES = {
     "learner": Phase("Learning", "learner", "algorithm", tuple(LEARNERS), (*EVOLVED, *EXTRACTED), ("learn",), "QL"),
 }
 # What a name needs besides itself, said where the results are: fitted Q learns from kept trajectories alone.
-BESIDES = {("learner", "fitted_q"): {"eta": 30}, ("learner", "adam"): {"alpha": 0.001}}
+BESIDES = {("learner", "fitted_q"): {"eta": 10}, ("learner", "adam"): {"alpha": 0.001}}
 
 
 def settings_of(options: argparse.Namespace, seed: int) -> RunSettings:
