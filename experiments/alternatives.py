@@ -149,13 +149,16 @@ def draw(done: list[dict], path: Path) -> None:
                 finals = [final_score(seed[key, name], phase.method) for seed in done]
                 row[1].plot(finals, np.full(len(finals), -place), "o", color=colour, alpha=0.5, markersize=5)
                 row[1].plot(np.median(finals), -place, "|", color=colour, markersize=16, markeredgewidth=2)
-            row[0].set(title=phase.title, ylabel="score", ylim=(0, 1.03 * top))
+            row[0].set(title=phase.title, ylabel=f"score (of {top:g})")
+            row[0].set_ylim(bottom=0)
             row[0].set_xlabel("episodes" if phase.method == "QL" else "episodes (policies evaluated)")
             row[0].grid(axis="y")
             labels = [f"{name} (paper)" if name == phase.names[0] else name for name in phase.names]
             row[1].set_yticks(-np.arange(len(labels)), labels)
-            row[1].set(xlim=(0, 1.03 * top), ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
-        files.write(path, lambda stream: figure.savefig(stream, format="png", dpi=110))
+            row[1].set(ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
+            row[1].set_xlim(left=0)
+            row[1].margins(x=0.05)
+        figure.savefig(path, dpi=110)
 
 
 def _draw_curves(axes, curves: list[Curve], method: str, colour: str, name: str) -> None:
