@@ -25,7 +25,7 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.evaluation import evaluate
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
-from qboot.study.analysis.curves import Curve, common_grid, moving_mean, source_curve, top_score
+from qboot.study.analysis.curves import Curve, columns, common_grid, moving_mean, source_curve, top_score
 from qboot.study.figures.drawing import STYLE, new_figure
 from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
@@ -88,6 +88,16 @@ def changed(settings: RunSettings, phase: Phase, name: str) -> RunSettings:
     return dataclasses.replace(settings, **{phase.room: room})
 
 
+def with_generations(settings: RunSettings, paper: Run[RunSettings]) -> RunSettings:
+    """As many generations as the evaluations of the paper's choice suffice for."""
+    episodes = int(columns(paper, "history.csv", "episodes")[0][-1])
+    # Samples, their mean and, where starts are random, the best so far.
+    each = settings.evolution.population + 1 + settings.evolution.reevaluate
+    return dataclasses.replace(
+        settings, evolution=dataclasses.replace(settings.evolution, generations=episodes // each - 1)
+    )
+
+
 def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSettings]]:
     """All runs of one seed, by phase and name."""
     paper = runs.create(out / "paper" / f"paper-{settings.seed}", settings)
@@ -97,7 +107,10 @@ def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSetting
     for key, phase in PHASES.items():
         done[key, phase.names[0]] = paper
         for name in phase.names[1:]:
-            run = runs.create(out / key / f"{name}-{settings.seed}", changed(settings, phase, name))
+            other = changed(settings, phase, name)
+            if key == "search":
+                other = with_generations(other, paper)
+            run = runs.create(out / key / f"{name}-{settings.seed}", other)
             if not run.file(RECORD).exists():
                 # The record last: without it, nothing that was copied is believed.
                 for file in (*phase.shared, *([RECORD] if phase.shared else [])):
