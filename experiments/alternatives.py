@@ -14,19 +14,24 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 
 from qboot.extraction.clustering import CLUSTERINGS
 from qboot.extraction.segmentation import SEGMENTATIONS
 from qboot.extraction.sensors import SELECTIONS
 from qboot.neuroevolution.algorithms import ALGORITHMS
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.evaluation import evaluate
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
-from qboot.study.analysis.curves import Curve, common_grid, moving_mean, source_curve, top_score
+from qboot.study.analysis.curves import Curve, columns, common_grid, moving_mean, source_curve, top_score
 from qboot.study.figures.drawing import STYLE, new_figure
 from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
+from qboot.study.store.artifacts import key_of, read_lineage, task_of
 from qboot.study.store.files import RunError
+from qboot.study.store.provenance import RECORD
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -34,6 +39,7 @@ EVOLVED = ("history.csv", "lineage.npz", "pareto.npz")
 EXTRACTED = ("actions.npz", "sensors.npz")
 WINDOW = 20  # episodes of Q-learning that a curve is a mean over
 LAST = 1 / 4  # of the episodes, the final score is the mean over
+FRESH = 20  # episodes that the best network of an evolution is scored by
 
 
 class Phase(NamedTuple):
@@ -62,7 +68,7 @@ PHASES = {
     "learner": Phase("Learning", "learner", "algorithm", tuple(LEARNERS), (*EVOLVED, *EXTRACTED), ("learn",), "QL"),
 }
 # What a name needs besides itself, said where the results are: fitted Q learns from kept trajectories alone.
-BESIDES = {("learner", "fitted_q"): {"eta": 30}, ("learner", "adam"): {"alpha": 0.001}}
+BESIDES = {("learner", "fitted_q"): {"eta": 10}, ("learner", "adam"): {"alpha": 0.001}}
 
 
 def settings_of(options: argparse.Namespace, seed: int) -> RunSettings:
@@ -82,6 +88,16 @@ def changed(settings: RunSettings, phase: Phase, name: str) -> RunSettings:
     return dataclasses.replace(settings, **{phase.room: room})
 
 
+def with_generations(settings: RunSettings, paper: Run[RunSettings]) -> RunSettings:
+    """As many generations as the evaluations of the paper's choice suffice for."""
+    episodes = int(columns(paper, "history.csv", "episodes")[0][-1])
+    # Samples, their mean and, where starts are random, the best so far.
+    each = settings.evolution.population + 1 + settings.evolution.reevaluate
+    return dataclasses.replace(
+        settings, evolution=dataclasses.replace(settings.evolution, generations=episodes // each - 1)
+    )
+
+
 def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSettings]]:
     """All runs of one seed, by phase and name."""
     paper = runs.create(out / "paper" / f"paper-{settings.seed}", settings)
@@ -91,9 +107,13 @@ def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSetting
     for key, phase in PHASES.items():
         done[key, phase.names[0]] = paper
         for name in phase.names[1:]:
-            run = runs.create(out / key / f"{name}-{settings.seed}", changed(settings, phase, name))
-            for file in phase.shared:
-                if not run.file(file).exists():
+            other = changed(settings, phase, name)
+            if key == "search":
+                other = with_generations(other, paper)
+            run = runs.create(out / key / f"{name}-{settings.seed}", other)
+            if not run.file(RECORD).exists():
+                # The record last: without it, nothing that was copied is believed.
+                for file in (*phase.shared, *([RECORD] if phase.shared else [])):
                     shutil.copy(paper.file(file), run.file(file))
             for stage in phase.stages:
                 table.stage(stage).do(run)
@@ -102,9 +122,16 @@ def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSetting
 
 
 def final_score(run: Run[RunSettings], method: str) -> float:
-    """Best score of an evolution, mean score of the last episodes of Q-learning."""
-    scores = source_curve(run, method).scores
-    return float(scores[-1] if method == "ER" else scores[-max(1, round(LAST * len(scores))) :].mean())
+    """Mean score of the best network in fresh episodes, or of the last episodes of Q-learning."""
+    if method == "QL":
+        scores = source_curve(run, method).scores
+        return float(scores[-max(1, round(LAST * len(scores))) :].mean())
+    task, best = task_of(run), read_lineage(run).genomes
+    genomes = jax.tree.map(lambda leaf: np.repeat(leaf[-1:], FRESH, axis=0), best)
+    fresh = jax.random.split(key_of(run, "fresh"), FRESH)
+    recorder = DISTANCES["adhoc"].recorder
+    domains = task.source_domains(run.settings.source)
+    return float(evaluate(task, run.settings.dnn, recorder, domains, genomes, fresh).scores.sum(axis=1).mean())
 
 
 def markdown(done: list[dict]) -> str:
@@ -135,12 +162,15 @@ def draw(done: list[dict], path: Path) -> None:
                 finals = [final_score(seed[key, name], phase.method) for seed in done]
                 row[1].plot(finals, np.full(len(finals), -place), "o", color=colour, alpha=0.5, markersize=5)
                 row[1].plot(np.median(finals), -place, "|", color=colour, markersize=16, markeredgewidth=2)
-            row[0].set(title=phase.title, ylabel="score", ylim=(0, 1.03 * top))
+            row[0].set(title=phase.title, ylabel=f"score (of {top:g})")
+            row[0].set_ylim(bottom=0)
             row[0].set_xlabel("episodes" if phase.method == "QL" else "episodes (policies evaluated)")
             row[0].grid(axis="y")
             labels = [f"{name} (paper)" if name == phase.names[0] else name for name in phase.names]
             row[1].set_yticks(-np.arange(len(labels)), labels)
-            row[1].set(xlim=(0, 1.03 * top), ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
+            row[1].set(ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
+            row[1].set_xlim(left=0)
+            row[1].margins(x=0.05)
         figure.savefig(path, dpi=110)
 
 

@@ -20,7 +20,8 @@ from qboot.qlearning import LEARNERS
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES
 from qboot.study.report import page
-from qboot.study.store import runs
+from qboot.study.store import provenance, runs
+from qboot.study.store.provenance import RECORD
 
 TABLES = {
     ("evolution", "algorithm"): ALGORITHMS,
@@ -72,6 +73,8 @@ def go_through(run, settings, room, field, name, folder):
     new = runs.create(folder / run.folder.parent.name / run.folder.name, changed)
     for file in SHARED.get(room, ()):
         shutil.copy(run.file(file), new.file(file))
+        shutil.copy(run.file(RECORD), new.file(RECORD))
+        assert provenance.is_whole(new, file)
     for stage in STAGES:
         stage.do(runs.load(new.folder))
         assert stage.is_done(new)

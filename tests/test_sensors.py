@@ -111,7 +111,7 @@ def test_order_of_traces_does_not_matter(traces, rule):
 
 @pytest.mark.parametrize("name", SELECTIONS)
 def test_every_method_chooses_among_lags_and_sensors(traces, name):
-    flow = [Trace(trace, np.zeros((len(trace), 2))) for trace in traces]
+    flow = [Trace(trace, trace[:, :2]) for trace in traces]
     selection = select(flow, SensorSettings(selection=name, lags=LAGS))
     assert (selection.selected.shape, selection.selected.dtype) == ((LAGS, 4), bool)
     assert selection.selected.any()
@@ -119,7 +119,7 @@ def test_every_method_chooses_among_lags_and_sensors(traces, name):
 
 
 def test_the_lasso_is_the_default_method(traces):
-    flow = [Trace(trace, np.zeros((len(trace), 2))) for trace in traces]
+    flow = [Trace(trace, trace[:, :2]) for trace in traces]
     selection = select(flow, SensorSettings(lags=LAGS))
     np.testing.assert_array_equal(selection.selected, select_sensors(traces, LAGS))
     np.testing.assert_array_equal(selection.report.kept, sensor_votes(traces, LAGS).kept)

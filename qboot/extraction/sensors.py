@@ -142,7 +142,7 @@ def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: Sensor
     Raises:
         ValueError: if traces are not finite or of different S, none is long enough, or no sensor ever varies.
     """
-    return _votes(sum_rows(observations, lags), lags, settings or SensorSettings())
+    return _votes(sum_rows(observations, lags), lags, settings or SensorSettings(), "sensor")
 
 
 def effector_votes(traces: Iterable[Trace], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
@@ -152,18 +152,19 @@ def effector_votes(traces: Iterable[Trace], lags: int, settings: SensorSettings 
     """
     # A command follows the observation of its own step: the latest that a decision sees, lag 1.
     later = ((np.concatenate([trace.commands[:1], trace.commands[:-1]]), trace.observations) for trace in traces)
-    return _votes(_sum_pairs(later, lags), lags, settings or SensorSettings())
+    return _votes(_sum_pairs(later, lags), lags, settings or SensorSettings(), "effector")
 
 
-def _votes(sums: Sums, lags: int, settings: SensorSettings) -> SensorVotes:
-    """The models of all targets that vary."""
+def _votes(sums: Sums, lags: int, settings: SensorSettings, kind: str) -> SensorVotes:
+    """The models of all targets that vary; they are of a `kind`, sensor or effector."""
     correlations, varies = standardise(sums)
     n_targets = sums.n_targets
     n_sensors = (len(correlations) - n_targets) // lags
     targets = np.flatnonzero(varies[:n_targets])
     inputs = n_targets + np.flatnonzero(varies[n_targets:])
-    if not len(targets) or not len(inputs):
-        raise ValueError("no sensor ever varies: observations of at least one must differ.")
+    for name, some in ((kind, targets), ("sensor", inputs)):
+        if not len(some):
+            raise ValueError(f"no {name} ever varies: the values of at least one must differ.")
     gram = correlations[np.ix_(inputs, inputs)] + NOISE * np.eye(len(inputs))
 
     kept = np.zeros((n_targets, lags * n_sensors), bool)

@@ -38,7 +38,8 @@ class SearchState(NamedTuple):
     topology: Genome  # of all networks; its weights do not count
     distribution: np.ndarray  # (m,) float64, the numbers of evosax's state one after the other, exactly
     means: Individuals  # one per generation
-    best: Individuals  # (1, ...) the best of all means and samples; of equals the youngest
+    best: Individuals  # (1, ...) the best of all means and samples, as at its birth; of equals the youngest
+    best_score: float  # its latest one: another than at its birth where it is evaluated again
 
 
 def init(name: str, problem: Problem, front: Genome | None = None) -> tuple[SearchState, EvolveInfo]:
@@ -57,7 +58,7 @@ def init(name: str, problem: Problem, front: Genome | None = None) -> tuple[Sear
     strategy = _strategy(name, problem.settings.population, len(mean))
     distribution = _flat(strategy.init(key(problem.key, "search"), mean, _parameters_of(strategy)))
     nobody = _individuals(topology, np.zeros((0, len(mean))), problem.dnn)
-    return _generation(name, problem, SearchState(0, topology, distribution, nobody, nobody))
+    return _generation(name, problem, SearchState(0, topology, distribution, nobody, nobody, -np.inf))
 
 
 def step(name: str, problem: Problem, state: SearchState) -> tuple[SearchState, EvolveInfo]:
@@ -95,30 +96,35 @@ def _generation(name: str, problem: Problem, state: SearchState) -> tuple[Search
     drawn_from = _restored_distribution(strategy, state.distribution)
     samples, distribution = strategy.ask(asked, drawn_from, parameters)
 
-    everyone = _individuals(state.topology, np.vstack([drawn_from.mean, samples]), problem.dnn)
+    newborn = _individuals(state.topology, np.vstack([drawn_from.mean, samples]), problem.dnn)
     ids = state.generation * (n + 1) + np.arange(n + 1)
     parents = np.full(n + 1, ids[0])
     parents[0] = state.means.ids[-1] if len(state.means.ids) else NO_PARENT
-    everyone = everyone._replace(ids=ids, parents=parents, births=np.full(n + 1, state.generation, np.int32))
+    newborn = newborn._replace(ids=ids, parents=parents, births=np.full(n + 1, state.generation, np.int32))
+    # Where starts are random, the best so far has to show it again, on the starts that the newborn get.
+    again = problem.settings.reevaluate
+    everyone = Individuals.concatenate(newborn, state.best) if again else newborn
     result = evaluate_individuals(problem, RECORDER, everyone, state.generation)
-    everyone = everyone._replace(scores=np.asarray(result.scores).sum(axis=1))
+    scores = np.asarray(result.scores).sum(axis=1)
+    newborn = newborn._replace(scores=scores[: n + 1])
 
     # evosax minimises.
-    distribution, _ = strategy.tell(asked, samples, -everyone.scores[1:], distribution, parameters)
-    candidates = Individuals.concatenate(state.best, everyone)
-    youngest = np.flatnonzero(candidates.scores == candidates.scores.max())[-1:]
+    distribution, _ = strategy.tell(asked, samples, -newborn.scores[1:], distribution, parameters)
+    known = np.full(len(state.best.ids), state.best_score)
+    contest = np.concatenate([scores[n + 1 :] if again else known, newborn.scores])
+    winner = np.flatnonzero(contest == contest.max())[-1:]
     state = state._replace(
         distribution=_flat(distribution),
-        means=Individuals.concatenate(state.means, everyone.take(slice(0, 1))),
-        best=candidates.take(youngest),
+        means=Individuals.concatenate(state.means, newborn.take(slice(0, 1))),
+        best=Individuals.concatenate(state.best, newborn).take(winner),
+        best_score=float(contest.max()),
     )
-    scores = everyone.scores[1:]
     return state, EvolveInfo(
         generation=state.generation,
-        episodes=(state.generation + 1) * (n + 1),
-        best=float(state.best.scores[0]),
-        median=float(np.median(scores)),
-        mean=float(scores.mean()),
+        episodes=(state.generation + 1) * (n + 1) + again * state.generation,
+        best=state.best_score,
+        median=float(np.median(newborn.scores[1:])),
+        mean=float(newborn.scores[1:].mean()),
         diversity="",
         lived=float(result.steps.mean() / problem.task.max_steps),
         connections=float(state.topology.connected.sum()),
