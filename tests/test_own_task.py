@@ -52,7 +52,9 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
 @pytest.mark.filterwarnings("ignore:only .* of the .* extracted actions are distinct")
 def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "my_robot.py"
-    path.write_text("from toy_tasks import corridor\nMINE = corridor((5, 1), (0, 4), max_steps=40)._replace(name='mine')\n")
+    path.write_text(
+        "from toy_tasks import corridor\nMINE = corridor((5, 1), (0, 4), max_steps=40)._replace(name='mine')\n"
+    )
     monkeypatch.chdir(tmp_path)
     sizes = [
         "--evolution.population",

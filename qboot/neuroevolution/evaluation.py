@@ -95,9 +95,7 @@ def run(
         there, new_rows = run_chunk(*here)
         return _put(progress, there, (places,)), _put(rows, new_rows, (places, chunks))
 
-    progress, rows = jax.lax.while_loop(
-        lambda carry: jnp.any(_goes_on(task, carry[0])), advance, (progress, rows)
-    )
+    progress, rows = jax.lax.while_loop(lambda carry: jnp.any(_goes_on(task, carry[0])), advance, (progress, rows))
     rows = jax.tree.map(
         lambda leaf: leaf.reshape(n_rollouts, n_chunks * chunk, *leaf.shape[3:])[:, : task.max_steps], rows
     )
