@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import qboot
 from qboot.envs.registry import names
+from qboot.study.pipeline import interruption
+from qboot.study.pipeline.interruption import PARENT_VARIABLE, run_interruptible, stop_without
 from qboot.study.pipeline.table import STAGES, stage
 
 if TYPE_CHECKING:
@@ -44,27 +46,54 @@ A task is a registered one, or one of your own: --task package.module:TASK, or -
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command; return the exit code: 0 done, 2 bad input, 130 interrupted, 141 output cut off."""
-    parser = _parser()
-    arguments = sys.argv[1:] if arguments is None else arguments
-    options, rest = parser.parse_known_args(arguments)
-    # Libraries are imported late, so that help is quick.
-    from qboot.study.store.files import RunError
+    """Run a command; return the exit code.
 
+    0 done, 2 bad input or nothing to write on, 130 interrupted (143 by SIGTERM, 129 by SIGHUP), 141 output cut off.
+    """
+    if parent := os.environ.pop(PARENT_VARIABLE, ""):
+        stop_without(int(parent))
+    code = _outcome(arguments)
+    if arguments is None and interruption.is_left:
+        os._exit(code)  # what is being computed is not waited for
+    return code
+
+
+def _outcome(arguments: list[str] | None) -> int:
+    options, rest = _parser().parse_known_args(arguments)
     try:
         if rest and options.command not in [stage.name for stage in STAGES]:
-            raise RunError(f"unknown arguments {' '.join(rest)}: see `qboot {options.command} --help`")
-        options.run(options, rest)
-    except (RunError, ValueError) as error:
-        print(f"qboot: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("qboot: interrupted; the same command goes on from the last save", file=sys.stderr)
-        return 130
+            raise ValueError(f"unknown arguments {' '.join(rest)}: see `qboot {options.command} --help`")
+        run_interruptible(lambda: options.run(options, rest))
+    except KeyboardInterrupt as error:
+        print("\nqboot: interrupted; the same command goes on from the last save", file=sys.stderr)
+        return getattr(error, "exit_code", 130)
     except BrokenPipeError:  # qboot evolve --help | head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at the end
         return 141
+    except Exception as error:
+        if not (words := _in_words(error)):
+            raise
+        print(f"qboot: {words}", file=sys.stderr)
+        return 2
     return 0
+
+
+def _in_words(error: Exception) -> str:
+    """What the user can do about an error; empty if it is a mistake of the program."""
+    # Libraries are imported late, so that help is quick.
+    import jax
+
+    from qboot.study.store import files
+
+    if isinstance(error, files.RunError | ValueError):
+        return str(error)
+    if isinstance(error, OSError):
+        return str(files.unusable("used", Path(str(error.filename or "a file")), error))
+    if isinstance(error, MemoryError) or (
+        isinstance(error, jax.errors.JaxRuntimeError) and "RESOURCE_EXHAUSTED" in str(error)
+    ):
+        return "there is not enough memory: choose a smaller population, n_steps or learner.hidden, or fewer --workers"
+    return ""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -106,11 +135,18 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--out", type=Path, required=True, help="run folder")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
     sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/quick")
+    sub = command("publish", "the small files behind a study's numbers and figures of scores, with checksums", _publish)
+    sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/standard")
+    sub.add_argument("--to", type=Path, required=True, help="folder to be made")
     sub = command("reproduce", "all runs of a study, spread over the cores, and the report", _reproduce)
     sub.add_argument("--profile", default="quick", help=profiles)
     sub.add_argument("--task", help="one task alone; default those of the paper")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--jobs", type=int, help="runs at a time; default one per core")
+    sub.add_argument(
+        "--dry-run", action="store_true", help="list the jobs and the core-hours left on this machine; start nothing"
+    )
+    command("workflow", "where the workflow for Snakemake is: docs/cluster.md", _workflow)
     return parser
 
 
@@ -130,6 +166,7 @@ def _check_workers(workers: int) -> None:
 
 def _run(options: argparse.Namespace, rest: list[str]) -> "Run[RunSettings]":
     """The run that a stage is for: begun by `--task`, or found in `--out`."""
+    from qboot.study.pipeline.checks import check
     from qboot.study.store import runs
 
     if options.task is None:
@@ -140,6 +177,7 @@ def _run(options: argparse.Namespace, rest: list[str]) -> "Run[RunSettings]":
             raise ValueError(f"{' '.join(given + rest)} without --task: a run that exists has its settings already")
         return runs.load(options.out)
     settings = _settings(options, rest)
+    check(settings)
     return runs.create(options.out or runs.folder_of(Path("results") / settings.profile, settings), settings)
 
 
@@ -148,8 +186,9 @@ def _settings(options: argparse.Namespace, rest: list[str]) -> "RunSettings":
     from qboot.envs import get_task
     from qboot.study.pipeline import profiles
 
-    source = options.source or get_task(options.task).sources[0]
-    settings = profiles.settings_of(options.task, options.profile or "quick", source, options.seed or 0)
+    source = get_task(options.task).sources[0] if options.source is None else options.source
+    profile = "quick" if options.profile is None else options.profile
+    settings = profiles.settings_of(options.task, profile, source, options.seed or 0)
     if not rest:
         return settings
     import tyro
@@ -195,14 +234,33 @@ def _report(options: argparse.Namespace, rest: list[str]) -> None:
     print(page.write(options.out))
 
 
+def _publish(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study.store import publishing
+
+    size = publishing.publish(options.out, options.to)
+    print(f"{options.to}: {size / 1e6:.1f} MB, listed in {publishing.CHECKSUMS}")
+
+
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
     from qboot.study.report import page
 
     out = options.out or Path("results") / options.profile
+    if options.dry_run:
+        from qboot.study import dry_run
+
+        for line in dry_run.lines(options.profile, options.task, out):
+            print(line)
+        return
     runner.share_compiled_programs(out)
     runner.reproduce(options.profile, options.task, out, options.jobs)
     print(page.write(out))
+
+
+def _workflow(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study import workflow
+
+    print(workflow.SNAKEFILE)
 
 
 if __name__ == "__main__":

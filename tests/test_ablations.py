@@ -7,18 +7,19 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from conftest import TINY_SWEEP, begin_cells
+from conftest import TINY_SWEEP, begin_cells, record_all
 
 from qboot import qlearning
 from qboot.envs import get_task
 from qboot.extraction import baselines
 from qboot.study.controls import cells as folders
 from qboot.study.controls import sweep
-from qboot.study.controls.conditions import WHATS, conditions
+from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared, places
 from qboot.study.pipeline import learning, loop
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_actions, read_selection, task_of
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
 from qboot.study.store.settings import CellSettings
 
 BALL = get_task("ball_collecting")
@@ -43,9 +44,11 @@ def test_every_condition_has_its_cells(tiny_study):
         for condition, cells in found.items():
             assert [cell.settings.seed for cell in cells] == list(range(TINY_SWEEP["n_runs"]))
             for cell in cells:
+                assert cell.folder.parent.parent.name == cell.settings.what
                 names = {path.name for path in cell.folder.iterdir()}
-                assert names == {"config.json", "actions.npz", "sensors.npz", "qlearning.csv"}
-                assert cell.settings.condition == condition
+                assert names == {"config.json", "files.json", "actions.npz", "sensors.npz", "qlearning.csv"}
+                place = Place(cell.settings.what, cell.settings.condition)
+                assert place == places(BALL, what)[condition]
                 assert files.read_csv(cell.file("qlearning.csv"))["episode"] == ["1", "2", "3"]
 
 
@@ -84,12 +87,12 @@ def test_the_third_experiment_has_its_numbers_of_actions(tiny_study, tiny_run):
 def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
     """Padded and side by side, or alone in its own shape: the same episodes, but for rounding."""
     cells = [cell for some in folders.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
-    shape = sweep.padded_to(cells)
+    shapes = sweep.shapes_of(cells)
     for cell in cells[::3]:
         problem = learning.problem_on(cell, task_of(cell).source_domains("A"))
-        state = qlearning.init(sweep.key_of_cell(cell), problem, shape.capacity)
+        state = qlearning.init(sweep.key_of_cell(cell), problem, shapes[cell].capacity)
         _, info = qlearning.learn(state, problem, TINY_SWEEP["n_episodes"])
-        alone = learning.after(learning.begin(state, cell.file("none")), state, info).history
+        alone = learning.after(learning.begin(state), state, info).history
         together = files.read_csv(cell.file("qlearning.csv"))
         for name in learning.COLUMNS:
             np.testing.assert_allclose(alone[name], np.array(together[name], float), rtol=1e-4, atol=1e-6)
@@ -99,7 +102,7 @@ def test_a_deleted_cell_is_made_again_alone_and_to_the_byte(tiny_study, tmp_path
     copied = tmp_path / "study"
     shutil.copytree(tiny_study, copied)
     before = digests(copied)
-    cells = list(begin_cells(copied, "sensors"))
+    cells = [cell for cell in begin_cells(copied, "sensors") if cell.settings.what == "sensors"]
     times = {cell.folder: cell.file("qlearning.csv").stat().st_mtime_ns for cell in cells}
     gone = cells[3].folder
     shutil.rmtree(gone)
@@ -120,19 +123,19 @@ def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch)
     shutil.rmtree(copied / "ablations" / "ball_collecting" / "actions")
     monkeypatch.setattr(loop, "SECONDS_BETWEEN_SAVES", 0.0)
     monkeypatch.setattr(learning, "EPISODES_PER_CALL", 1)
-    save = learning.save
+    save = Output.save
     kills = 0
     for limit in (1, 3, 6, 100):
         saves = 0
 
-        def save_some(progressing, checkpoint, limit=limit):
+        def save_some(output, name, arrays, limit=limit):
             nonlocal saves
-            save(progressing, checkpoint)
+            save(output, name, arrays)
             saves += 1
             if saves == limit:
                 raise Killed
 
-        monkeypatch.setattr(learning, "save", save_some)
+        monkeypatch.setattr(Output, "save", save_some)
         try:
             sweep.learn_cells(begin_cells(copied, "actions"), workers=1)
         except Killed:
@@ -145,9 +148,10 @@ def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tin
     copied = tmp_path / "study"
     shutil.copytree(tiny_study, copied)
     second = copied / "ball_collecting" / "B-0"
-    runs.create(second, replace(tiny_run.settings, source="B"))
+    other = runs.create(second, replace(tiny_run.settings, source="B"))
     for name in ("actions.npz", "sensors.npz"):
         shutil.copy(tiny_run.file(name), second / name)
+    record_all(other)
     cells = begin_cells(copied, "actions", n_runs=3)
     evolved = {(cell.settings.condition, cell.settings.seed): run.folder.name for cell, run in cells.items()}
     assert {evolved["human", seed] for seed in range(TINY_SWEEP["n_runs"])} == {"A-0"}
@@ -160,13 +164,53 @@ def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tin
     )
 
 
+def test_what_two_experiments_have_in_common_is_learned_once(tiny_study, tmp_path):
+    """Human actions with human sensors, and extracted actions in their own number with human sensors."""
+    both = [folders.find(tiny_study, "ball_collecting", what) for what in WHATS]
+    assert both[0]["human"] == both[1]["human"] and both[0]["extracted"] == both[2]["17"]
+    folder = tiny_study / "ablations" / "ball_collecting"
+    names = {what: {path.name for path in (folder / what).iterdir() if path.is_dir()} for what in WHATS}
+    assert names["sensors"] == {"instant", "selected", "random", "random+"}
+    assert names["n_actions"] == {"4", "8", "30", "50"}
+    assert [is_shared(BALL, Place("actions", name)) for name in names["actions"] - {"random"}] == [True, True]
+    assert not is_shared(BALL, Place("actions", "random"))
+
+
+def test_a_common_cell_does_not_depend_on_whom_it_is_made_for(tiny_study, tmp_path):
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study / "ball_collecting", copied / "ball_collecting")
+    of_sensors = begin_cells(copied, "sensors")
+    human = {cell: run for cell, run in of_sensors.items() if cell.settings.what == "actions"}
+    assert {cell.settings.condition for cell in human} == {"human"} and len(human) == 2
+    sweep.learn_cells(human, workers=1)
+    where = "ablations/ball_collecting/actions/human"
+    assert digests(copied / where) == digests(tiny_study / where)
+    assert (
+        folders.find(copied, "ball_collecting", "actions") == folders.find(copied, "ball_collecting", "sensors") == {}
+    )
+    full = {cell: shape for cell, shape in sweep.shapes_of(list(of_sensors)).items() if cell in human}
+    assert full == sweep.shapes_of(list(human))
+
+
+def test_a_common_cell_may_have_learned_longer(tiny_study, tmp_path):
+    """The paper's last experiment has half the episodes of the first."""
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study / "ball_collecting", copied / "ball_collecting")
+    begin_cells(copied, "actions", n_episodes=5)
+    episodes = {cell.settings.condition: cell.settings.episodes for cell in begin_cells(copied, "n_actions")}
+    assert episodes == {"extracted": 5, "4": 3, "8": 3, "30": 3, "50": 3}
+    with pytest.raises(RunError, match="episodes = 5, not 6"):
+        begin_cells(copied, "sensors", n_episodes=6)
+
+
 def test_cells_begun_with_other_settings_are_refused(tiny_study):
     with pytest.raises(RunError, match="lanes = 4, not 5"):
         begin_cells(tiny_study, "sensors", lanes=5)
 
 
 def test_padding_is_what_does_nothing(tiny_study):
-    cells = [cell for some in folders.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
+    found = folders.find(tiny_study, "ball_collecting", "sensors")
+    cells = [cell for name, some in found.items() if name != "human" for cell in some]
     shape = sweep.padded_to(cells)
     assert shape.n_inputs == max(int(read_selection(cell).sum()) for cell in cells)
     for cell in cells:

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import record_all
 
 from qboot.envs import get_task, registry
-from qboot.study.analysis import appendix, control_measures
-from qboot.study.analysis.appendix import NOT_COMPARABLE
-from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NO_PAPER
+from qboot.study.analysis import appendix, control_measures, rules
+from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, NO_DATA, NO_NUMBER, NO_PAPER, OWN_DIFFER
 from qboot.study.controls import cells
 from qboot.study.controls.conditions import WHATS, conditions
 from qboot.study.figures import catalogue, controls
@@ -37,12 +37,14 @@ def paper_sized(tiny_study, tmp_path_factory):
         cell = some[condition][seed % 2]
         changed = replace(cell.settings, seed=seed, n_steps=10_000, episodes=10_000)
         made = runs.create(folder / "ablations" / "ball_collecting" / "actions" / condition / str(seed), changed)
-        shutil.copy(cell.file("sensors.npz"), made.folder)
+        for name in ("actions.npz", "sensors.npz"):
+            shutil.copy(cell.file(name), made.folder)
         score = scores[condition][seed]
         # Nothing is learned before half of the time.
         by_episode = np.where(np.arange(1, 10_001) > 5_000, float(score), 0.0)
         columns = {"episode": np.arange(1, 10_001), "score": by_episode, "steps": np.full(10_000, 20_000)}
         files.write_csv(made.file("qlearning.csv"), columns)
+        record_all(made)
     return folder, [run]
 
 
@@ -63,7 +65,7 @@ def test_the_tables_have_the_papers_pairs():
             }
             assert table.measure in control_measures.CONTROL_MEASURES
         for claim in paper.control_conclusions:
-            assert {claim.conclusion.greater, claim.conclusion.smaller} <= set(conditions(task, claim.what))
+            assert {claim.conclusion.first, claim.conclusion.second} <= set(conditions(task, claim.what))
             assert claim.measure in control_measures.CONTROL_MEASURES
 
 
@@ -78,24 +80,26 @@ def test_pairs_are_tested_at_three_times(paper_sized):
         # All of five are below all of five: exact 2 / 252 without ties, near it with them.
         assert pair.comparison.a12 == 0 and pair.comparison.p_value < 0.02
         assert pair.interval == (0, 0)
-        assert pair.verdict == AGREES
+        assert pair.verdict.answer == AGREES
 
 
 def test_equal_by_few_learners_is_not_compared(paper_sized):
     end = tables_of(*paper_sized)[2]
     pair = end.pairs["human", "extracted"]
     assert pair.comparison.p_value > 0.05 and pair.printed == (0.2018, 0.0081, 0.0004)
-    assert pair.verdict == "the paper's own differ"
+    assert pair.verdict == OWN_DIFFER
     assert tables_of(*paper_sized)[3].pairs["instant", "human"].verdict == NO_DATA
 
 
 def test_conclusions_are_tested_on_cells(paper_sized):
     folder, some = paper_sized
     found = {what: cells.find(folder, "ball_collecting", what) for what in WHATS}
-    extracted, human, *sensors = appendix.findings(found, some)
-    assert extracted.medians == (7, 1) and extracted.verdict == AGREES
-    assert human.medians == (7, 1) and human.n_runs == 5 and human.verdict == AGREES
-    assert {finding.verdict for finding in sensors} == {NO_DATA}
+    extracted, human, instant, selected, alike, *others = appendix.findings(found, some)
+    assert extracted.medians == (7, 1) and extracted.verdict.answer == AGREES
+    assert human.medians == (7, 1) and human.n_runs == 5 and human.verdict.answer == AGREES
+    # Medians are equal, but five learners do not exclude a difference of more than one ball.
+    assert alike.medians == (7, 7) and alike.interval[0] < -1 and alike.verdict.answer == CANNOT_TELL
+    assert {finding.verdict for finding in (instant, selected, *others)} == {NO_DATA}
 
 
 @pytest.mark.parametrize(
@@ -103,34 +107,36 @@ def test_conclusions_are_tested_on_cells(paper_sized):
     [
         (0.01, (0.001,), 5, True, AGREES),
         (0.01, (0.3,), 5, True, DIFFERS),
-        (0.01, (0.001,), 4, True, NOT_COMPARABLE),
-        (0.01, (0.001,), 30, False, NOT_COMPARABLE),
+        (0.01, (0.001,), 4, True, CANNOT_TELL),
+        (0.01, (0.001,), 30, False, CANNOT_TELL),
         (0.5, (0.001,), 30, True, DIFFERS),
         (0.5, (0.3,), 30, True, AGREES),
-        (0.5, (0.3,), 29, True, NOT_COMPARABLE),
-        (0.5, (), 30, True, NO_NUMBER),
-        (0.5, None, 30, True, NO_PAPER),
-        (np.nan, (0.3,), 0, True, NO_DATA),
-        (0.5, (0.3, 0.01), 30, True, "the paper's own differ"),
+        (0.5, (0.3,), 29, True, CANNOT_TELL),
+        (0.5, (), 30, True, NO_NUMBER.answer),
+        (0.5, None, 30, True, NO_PAPER.answer),
+        (np.nan, (0.3,), 0, True, NO_DATA.answer),
+        (0.5, (0.3, 0.01), 30, True, OWN_DIFFER.answer),
     ],
 )
 def test_the_rule_for_pairs(p_value, printed, n_cells, comparable, expected):
-    assert appendix.judge(p_value, printed, n_cells, comparable) == expected
+    assert rules.judge_pair(p_value, printed, n_cells, "" if comparable else "too short").answer == expected
 
 
 def test_small_cells_are_not_compared(tiny_study, tiny_run):
     verdicts = {pair.verdict for table in tables_of(tiny_study, [tiny_run]) for pair in table.pairs.values()}
-    assert verdicts == {NOT_COMPARABLE, NO_NUMBER, "the paper's own differ"}
+    assert {verdict.answer for verdict in verdicts} == {CANNOT_TELL} and {NO_NUMBER, OWN_DIFFER} < verdicts
+    assert any("individuals of the population: 8 of 128" in verdict.why for verdict in verdicts)
 
 
 def test_measures_of_a_cell(paper_sized):
     folder, _ = paper_sized
     cell = cells.find(folder, "ball_collecting", "actions")["human"][4]
-    assert control_measures.performance(cell) == 9
-    assert control_measures.performance(cell, 0.5) == 0
-    assert control_measures.performance(cell, 0.501) == 9 * 10 / 20
-    assert control_measures.average_performance(cell) == 4.5
-    assert control_measures.steps(cell, 1 / 3) == 20_000
+    assert control_measures.performance(cell, 10_000) == 9
+    assert control_measures.performance(cell, 5_000) == 0
+    assert control_measures.performance(cell, 5_010) == 9 * 10 / 20
+    assert control_measures.average_performance(cell, 10_000) == 4.5
+    assert control_measures.average_performance(cell, 5_000) == 0
+    assert control_measures.steps(cell, 3_333) == 20_000
 
 
 def test_the_report_holds_the_control_experiments(tiny_study, tmp_path):
@@ -168,10 +174,12 @@ def test_steps_are_drawn_where_episodes_differ_in_length(paper_sized):
     cell = some["random"][0]
     kept = cell.file("qlearning.csv").read_text()
     cell.file("qlearning.csv").write_text(kept.replace("20000", "19000", 1))
+    record_all(cell)
     try:
         assert len(controls.learning_by_actions(some).figure.axes) == 2
     finally:
         cell.file("qlearning.csv").write_text(kept)
+        record_all(cell)
 
 
 def test_without_a_paper_conditions_are_compared_all_the_same(tiny_study, tiny_run, monkeypatch):

@@ -19,6 +19,10 @@ from qboot.cli import main
         (["evolve", "--task", "ball_collecting", "--workers", "0"], "--workers is 0"),
         (["evolve", "--task", "ball_collecting", "--evolution.population", "-5"], "population"),
         (["evolve", "--task", "ball_collecting", "--evolution.populaton", "5"], "populaton"),
+        (["evolve", "--task", "ball_collecting", "--physics", "foo"], "unknown physics 'foo' of ball_collecting"),
+        (["evolve", "--task", "ball_collecting", "--dnn.n-inputs", "5"], "n_inputs is 5, but ball_collecting has 13"),
+        (["evolve", "--task", "ball_collecting", "--sensors.lags", "13"], "sensors.lags is 13, but the learner"),
+        (["evolve", "--out", "nowhere"], "start one with `qboot evolve --task TASK --out nowhere`"),
         (["learn"], "--out"),
         (["learn", "--out", "nowhere"], "no run folder"),
         (["learn", "--out", "nowhere", "--seed", "3"], "without --task"),
@@ -51,7 +55,7 @@ def test_no_write_access_is_named(tmp_path, capsys):
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     assert main(["evolve", "--task", "ball_collecting", "--profile", "smoke", "--out", str(blocked / "run")]) == 2
-    assert "cannot write" in capsys.readouterr().err
+    assert "cannot be written" in capsys.readouterr().err
 
 
 def test_help_teaches_and_is_quick_to_import():

@@ -1,6 +1,7 @@
 """The evolutionary run: records, lineage, resumption, independence of how it is spread over threads."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -50,6 +51,21 @@ def test_behaviours_of_survivors_are_those_of_running_them_again():
     run_problem = problem()
     state, _ = run(run_problem, 3)
     assert_same(evolve.describe(run_problem, state.population, state.generation), state.behaviours)
+
+
+@pytest.mark.parametrize(("newborn_first", "expected"), [(False, [0, 1, 3]), (True, [0, 2, 3])])
+def test_of_equals_the_older_or_the_newborn_survive(monkeypatch, newborn_first, expected):
+    """Four with the same scores and behaviours: the two ends of their front survive, and one of the others."""
+    alike = SimpleNamespace(metric=lambda task, behaviours: np.zeros(4))
+    monkeypatch.setattr(evolve, "DISTANCES", dict.fromkeys(SETTINGS.diversities, alike))
+    settings = replace(SETTINGS, population=3, newborn_first=newborn_first)
+    ids, none = np.arange(4), np.full(4, NO_PARENT)
+    everyone = Individuals(np.zeros((4, 1)), ids, none, np.zeros(4, np.int32), np.zeros(4, np.float32))
+    state = evolve.EvolveState(0, everyone, None, None, None, everyone.take(slice(0, 0)), 4)
+    state = evolve._survive(problem(settings=settings), state, everyone, np.arange(4))
+    assert sorted(state.population.ids) == expected
+    np.testing.assert_array_equal(state.behaviours, state.population.ids)
+    assert (state.ranks == 0).all() and np.isinf(state.crowding[[0, 1]]).all() and state.crowding[2] == 0
 
 
 def test_lineage_is_acyclic_and_leads_back_to_the_first_generation():

@@ -4,6 +4,7 @@ import re
 import sys
 from dataclasses import replace
 
+import jax.numpy as jnp
 import pytest
 from toy_tasks import RANDOM, corridor
 
@@ -72,6 +73,28 @@ def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys
         assert main([stage, "--out", str(tmp_path / "run")]) == 0
     assert main(["evolve", "--task", "my_robot.py:MINE", "--profile", "smoke"]) == 2
     assert "there is no file my_robot.py" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
+def test_forty_sensors_and_fractions_of_a_reward(monkeypatch, tmp_path):
+    def observed(state):
+        more = jnp.stack([jnp.sin(state.where * (i + 1.0)) / 2 + 0.5 for i in range(33)])
+        return state._replace(observation=jnp.concatenate([state.observation, more]), reward=state.reward * 0.037)
+
+    forty = TASK._replace(
+        name="forty",
+        sensors=tuple(f"sensor {i}" for i in range(40)),
+        reset=lambda key, domain: observed(TASK.reset(key, domain)),
+        step=lambda domain, state, command: observed(TASK.step(domain, state, command)),
+    )
+    monkeypatch.setattr(registry, "_registered", {})
+    envs.register(forty)
+    settings = tiny(profiles.settings_of("forty", "smoke", "A", 0))
+    assert settings.dnn.n_inputs == 40
+    run = runs.create(tmp_path / "forty" / "A-0", settings)
+    for stage in STAGES:
+        stage.do(run)
+    assert not re.search(r"<tbody>\s*</tbody>", page.write(tmp_path).read_text())
 
 
 @pytest.mark.parametrize(

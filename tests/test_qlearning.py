@@ -31,6 +31,7 @@ from qboot.qlearning import (
     rollout,
     trajectory_capacity,
 )
+from qboot.qlearning.acting import epsilon
 
 
 def test_the_end_of_a_rollout_is_not_bootstrapped():
@@ -148,6 +149,18 @@ def test_learning_goes_on_from_given_networks():
     assert int(adapting.episode) == 0
     assert adapting.store.discounted_return.shape == (2, 3)
     assert not adapting.store.discounted_return.any()
+
+
+def test_exploration_goes_on_from_where_it_was():
+    """A learner that has done a thousand episodes elsewhere explores like one in its thousandth."""
+    target = problem(corridor((CELLS - 1, 2)))
+    settings = target.settings
+    new, experienced = (init(jax.random.key(1), target, episode=n) for n in (0, 1_000))
+    assert float(epsilon(new.episode, settings)) > 0.14
+    assert float(epsilon(experienced.episode, settings)) == pytest.approx(settings.epsilon_end, abs=1e-4)
+    state, _ = learn(experienced, target, 2)
+    assert int(state.episode) == 1_002
+    assert_same(new.networks, experienced.networks)
 
 
 @pytest.mark.parametrize("history", ["steps", "decisions"])

@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import tiny_settings
+from conftest import record_all, tiny_settings
 
 from qboot.envs import get_task, registry
-from qboot.study.analysis import measures, recordings, sizes, verdicts
+from qboot.study.analysis import measures, recordings, rules, sizes, verdicts
 from qboot.study.analysis.curves import Curve, moving_mean
-from qboot.study.analysis.measures import Sample
 from qboot.study.analysis.printed import Result
+from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, NO_DATA, NO_PAPER
 from qboot.study.analysis.statistics import Comparison
-from qboot.study.analysis.verdicts import AGREES, DIFFERS, NO_DATA, NO_NUMBER, NO_PAPER, NOT_COMPARABLE
 from qboot.study.figures import catalogue, drawing
 from qboot.study.pipeline import profiles
 from qboot.study.report import page as report
@@ -24,6 +23,7 @@ from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_lineage, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
+from qboot.study.store.settings import CellSettings, RunSettings
 
 REACHED = (150, 198, 287, 586, 700)  # generations; their quartiles are the paper's
 
@@ -54,6 +54,7 @@ def bare_study(tiny_study, tmp_path, monkeypatch):
             shutil.copytree(config.parent, copy)
             text = config.read_text().replace('"ball_collecting"', '"bare"')
             (copy / "config.json").write_text(text)
+            record_all(runs.load(copy, CellSettings if "ablations" in copy.parts else RunSettings))
     return tmp_path
 
 
@@ -87,6 +88,7 @@ def paper_sized(tmp_path):
         )
         scores = {"method": ["ER"] * 2 + ["QL"] * 2, "domain": [0, 1] * 2, "score": [1.0, 1.0, 5.0, 5.0 + seed]}
         files.write_csv(run.file("generalisation.csv"), scores)
+        record_all(run)
     return runs.find(tmp_path)
 
 
@@ -110,7 +112,7 @@ def test_every_link_of_the_contents_leads_somewhere(page):
 
 def test_reduced_sizes_are_said_on_top(page):
     assert "The sizes of this study are reduced" in page
-    assert NOT_COMPARABLE in page and verdicts.AGREES not in re.findall(r'class="verdict (\w+)', page)
+    assert CANNOT_TELL in page and AGREES not in re.findall(r'class="verdict (\w+)', page)
 
 
 def test_the_page_plays_networks_and_policies(page):
@@ -140,7 +142,7 @@ def test_a_damaged_file_is_named(tiny_run, tmp_path):
     run.file("history.csv").write_text("generation,episodes\n0,16\n")
     page = report.write(tmp_path).read_text()
     assert "actions.npz is damaged" in page
-    assert "history.csv has no values &#39;best&#39;" in page
+    assert "history.csv is damaged, or was changed: run `qboot evolve --out" in page
 
 
 def test_nothing_but_a_configuration_is_reported(tmp_path):
@@ -168,13 +170,13 @@ def test_one_unreadable_run_does_not_hide_the_others(tiny_run, tmp_path):
         report.write(tmp_path)
 
 
-def test_an_unreadable_cell_hides_its_experiment_alone(tiny_study, tmp_path):
+def test_an_unreadable_cell_hides_no_other_one(tiny_study, tmp_path):
     study = tmp_path / "study"
     shutil.copytree(tiny_study, study)
     (study / "ablations" / "ball_collecting" / "sensors" / "human" / "0" / "config.json").write_text("{")
     page = report.write(study).read_text()
-    assert 'id="ball_collecting-figure-actions"' in page and 'id="ball_collecting-figure-n_actions"' in page
-    assert 'id="ball_collecting-figure-sensors"' not in page
+    for name in catalogue.CONTROL_PLOTS:
+        assert f'id="ball_collecting-figure-{name}"' in page
     assert re.search(r"<li>\S*sensors/human/0/config.json is damaged", page)
 
 
@@ -295,7 +297,7 @@ def test_a_replay_is_a_page_of_its_own(tiny_run, tmp_path):
     page = player.write(run).read_text()
     assert page.count("<canvas") == 4 and "http" not in page
     run.file("qnets.npz").unlink()
-    with pytest.raises(RunError, match="run the stage that makes it first"):
+    with pytest.raises(RunError, match=r"qnets.npz does not exist: run `qboot learn --out"):
         player.write(run)
 
 
@@ -308,64 +310,112 @@ def test_runs_of_the_papers_size_are_compared(paper_sized):
     rows = {row.measure: row for row in verdicts.rows(paper_sized)}
     generations = rows["generations to the top score"]
     assert generations.quartiles == (198, 287, 586)
-    assert (generations.verdict, generations.not_reached) == (AGREES, 0)
-    assert rows["generalisation of ER"].verdict == AGREES
+    assert (generations.verdict.answer, generations.not_reached) == (AGREES, 0)
+    assert rows["generalisation of ER"].verdict.answer == AGREES
     assert rows["generalisation of Q-learning"].value == 12
     assert rows["lineage of the best-of-run"].verdict == NO_DATA
     late = rows["Q-learning episodes to the top score, target"]  # one of five runs scores 24
-    assert (late.value, late.not_reached, late.verdict) == (np.inf, 4, DIFFERS)
+    assert (late.value, late.not_reached, late.verdict.answer) == (np.inf, 4, DIFFERS)
     unknown = rows["ER episodes to the top score, target"]  # given 128,256 episodes, the paper's took more
-    assert (unknown.not_reached, unknown.verdict) == (5, NOT_COMPARABLE)
+    assert (unknown.not_reached, unknown.verdict.answer) == (5, CANNOT_TELL)
 
 
 def test_conclusions_are_tested(paper_sized):
     better, faster, faster_than_transfer = verdicts.findings(paper_sized)
-    assert better.medians == (12, 2) and better.verdict == AGREES
-    assert faster.medians == (22, 7) and faster.verdict == AGREES
-    assert faster_than_transfer.comparison.a12 == 0.5 and faster_than_transfer.verdict == DIFFERS
+    assert better.medians == (12, 2) and better.verdict.answer == AGREES
+    assert faster.medians == (22, 7) and faster.verdict.answer == AGREES
+    assert faster_than_transfer.comparison.a12 == 0.5 and faster_than_transfer.verdict.answer == CANNOT_TELL
 
 
 def test_few_or_small_runs_are_not_compared(paper_sized, tiny_run):
-    assert verdicts.rows(paper_sized[:4])[0].verdict == NOT_COMPARABLE
-    assert verdicts.findings(paper_sized[:4])[0].verdict == NOT_COMPARABLE
+    assert verdicts.rows(paper_sized[:4])[0].verdict.answer == CANNOT_TELL
+    assert verdicts.findings(paper_sized[:4])[0].verdict.answer == CANNOT_TELL
     small = [Run(run.folder, tiny_settings()) for run in paper_sized]
-    assert verdicts.rows(small)[0].verdict == NOT_COMPARABLE
+    assert verdicts.rows(small)[0].verdict.answer == CANNOT_TELL
 
 
 @pytest.mark.parametrize(
-    ("result", "values", "given", "expected"),
+    ("result", "values", "expected"),
     [
-        (Result("", "", 5), [1, 4, 5, 6, 9], np.inf, AGREES),
-        (Result("", "", 9), [1, 4, 5, 6, 9], np.inf, DIFFERS),
-        (Result("", "", 6, 5.5, 7), [1, 4, 5, 6, 9], np.inf, DIFFERS),  # our 5 is outside the paper's quartiles
-        (Result("", "", 6, statistic="mean"), [1, 4, 5, 6, 14], np.inf, AGREES),
-        (Result("", "", None), [1, 4, 5, 6, 9], np.inf, NO_NUMBER),
-        (Result("", "", 100), [np.inf] * 5, 99, NOT_COMPARABLE),
-        (Result("", "", 100), [np.inf] * 5, 100, DIFFERS),
-        (Result("", "", 100), [20, 90, 120, np.inf, np.inf], 130, AGREES),
+        (Result("", "", 5), [1, 4, 5, 6, 9], AGREES),
+        (Result("", "", 9), [1, 4, 5, 6, 9], DIFFERS),
+        (Result("", "", 6, 5.5, 7), [1, 4, 5, 6, 9], DIFFERS),  # our 5 is outside the paper's quartiles
+        (Result("", "", 6, statistic="mean"), [1, 4, 5, 6, 14], AGREES),
+        (Result("", "", None), [1, 4, 5, 6, 9], CANNOT_TELL),
+        (Result("", "", 5), [1, 4, 5, 6], CANNOT_TELL),
     ],
 )
-def test_the_rule_for_numbers(result, values, given, expected):
-    assert verdicts.judge(result, Sample(np.array(values, float), given), 5, True) == expected
+def test_the_rule_for_numbers(result, values, expected):
+    summary = measures.over_values([np.array(values, float)])
+    value = summary.mean if result.statistic == "mean" else summary.quartiles.median
+    verdict = rules.judge_number(result, value, summary.quartiles, len(values), summary.given, "")
+    assert verdict.answer == expected
 
 
 @pytest.mark.parametrize(
-    ("a12", "p_value", "top", "expected"),
+    ("times", "given", "expected"),
     [
-        (0.9, 0.01, 3, AGREES),
-        (0.9, 0.2, 3, DIFFERS),
-        (0.1, 0.01, 3, DIFFERS),
-        (0.5, 1.0, 0, NOT_COMPARABLE),
+        ([50, 50, 50, 50, 50], 99, (DIFFERS, 50)),
+        ([20, 90, 110, 200, 200], 130, (AGREES, 110)),
+        # A median that was never reached agrees with no number, however wide the spread.
+        ([20, 30, 200, 200, 200], 130, (DIFFERS, np.inf)),
+        ([200] * 5, 99, (CANNOT_TELL, np.inf)),
+        ([200] * 5, 100, (DIFFERS, np.inf)),
     ],
 )
-def test_the_rule_for_conclusions(a12, p_value, top, expected):
-    assert verdicts.judge_order(Comparison(p_value, a12), top, 5, True) == expected
+def test_the_rule_for_times(times, given, expected):
+    episodes = np.arange(1, given + 1)
+    climbs = [measures.Climb(Curve(episodes, np.where(episodes >= time, 8.0, 0.0)), 8.0) for time in times]
+    summary = measures.over_climbs(climbs)
+    value = summary.quartiles.median
+    verdict = rules.judge_number(Result("", "", 100), value, summary.quartiles, 5, summary.given, "")
+    assert (verdict.answer, value) == expected
+
+
+def test_a_time_is_when_the_median_gets_there_and_not_a_lucky_episode():
+    """Each of three runs has its lucky episode; two have the top score at once in the seventh alone."""
+    scores = np.zeros((3, 9))
+    scores[[0, 1, 2, 0, 1], [1, 2, 4, 6, 6]] = 8.0
+    summary = measures.over_climbs([measures.Climb(Curve(np.arange(1, 10), row), 8.0) for row in scores])
+    assert summary.quartiles.median == 7 and summary.quartiles.lower == 7 and summary.quartiles.upper == np.inf
+    assert (summary.not_reached, summary.given) == (0, 9)
+    medians = np.median(scores, axis=0)
+    assert np.flatnonzero(medians >= 8)[0] + 1 == 7
+
+
+@pytest.mark.parametrize(
+    ("a12", "p_value", "top", "n_runs", "expected"),
+    [
+        (0.9, 0.01, 3, 5, AGREES),
+        (0.9, 0.2, 3, 5, CANNOT_TELL),
+        (0.9, 0.2, 3, 30, DIFFERS),
+        (0.1, 0.01, 3, 5, DIFFERS),
+        (0.5, 1.0, 0, 30, CANNOT_TELL),
+    ],
+)
+def test_the_rule_for_an_order(a12, p_value, top, n_runs, expected):
+    assert rules.judge_order(Comparison(p_value, a12), top, n_runs, "").answer == expected
+
+
+@pytest.mark.parametrize(
+    ("interval", "p_value", "top", "expected"),
+    [
+        ((-0.9, 1.0), 0.5, 8, AGREES),
+        ((0.1, 0.4), 0.001, 8, AGREES),  # there is a difference, of no importance
+        ((-0.9, 1.1), 0.5, 8, CANNOT_TELL),
+        ((0.2, 3.0), 0.01, 8, DIFFERS),
+        ((0.0, 0.0), 1.0, 0, CANNOT_TELL),
+    ],
+)
+def test_the_rule_for_no_difference(interval, p_value, top, expected):
+    assert rules.judge_same(Comparison(p_value, 0.5), interval, 1.0, top, 10, "").answer == expected
+    assert rules.judge_same(Comparison(p_value, 0.5), interval, 1.0, top, 4, "").answer == CANNOT_TELL
 
 
 def test_every_number_of_the_paper_can_be_measured():
     papers = [get_task(name).paper() for name in registry.BUILT_IN]
     named = {result.measure for paper in papers for result in paper.results}
-    named |= {side for paper in papers for row in paper.conclusions for side in (row.greater, row.smaller)}
+    named |= {side for paper in papers for row in paper.conclusions for side in (row.first, row.second)}
     assert named == set(measures.RUN_MEASURES)
     for measure in measures.RUN_MEASURES.values():
         assert set(measure.needs) <= set(sizes.LABELS)

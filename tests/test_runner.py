@@ -1,5 +1,6 @@
 """Running a study: order, waiting, errors; what the processes do is tested elsewhere."""
 
+import itertools
 import json
 import sys
 import threading
@@ -7,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from qboot.study import runner
+from qboot.study import processes, runner
+from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.runner import Job
 from qboot.study.store.files import RunError
@@ -58,6 +60,15 @@ def test_an_error_stops_its_job_alone():
     assert [each.error for each in some] == ["bad", "no space", ""]
 
 
+def test_experiments_wait_for_the_cells_that_they_have_in_common(tmp_path):
+    """Two processes never learn in the same cell: the first experiment makes those that others have too."""
+    status = (tmp_path / f"{i}.json" for i in itertools.count())
+    first, *others = runner._sweep_jobs(tmp_path, "ball_collecting", "smoke", status, [])
+    assert first.is_ready() and len(others) == 2 and not any(job.is_ready() for job in others)
+    first.is_over = True
+    assert all(job.is_ready() for job in others)
+
+
 def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):
     """The processes are stand-ins that write down their arguments; one run fails after it was extracted."""
     calls = tmp_path / "calls.txt"
@@ -71,16 +82,14 @@ def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):
         "out = pathlib.Path(sys.argv[-1])\n"
         "if sys.argv[3] == 'extract': (out / 'sensors.npz').touch()\n"
     )
-    real = runner.subprocess.run
+    real = processes.run
 
-    def stand_in(command, **options):
-        if command[0] == sys.executable:
-            command = [sys.executable, script, *command[1:]]
-        return real(command, **options)
+    def stand_in(command, environment):
+        return real([sys.executable, script, *command[1:]], environment)
 
-    monkeypatch.setattr(runner.subprocess, "run", stand_in)
+    monkeypatch.setattr(processes, "run", stand_in)
     out = tmp_path / "study"
-    for what in runner.WHATS:
+    for what in WHATS:
         (out / "ablations" / "ball_collecting" / what).mkdir(parents=True)
     with pytest.raises(RunError, match="A-0: learn failed: out of luck"):
         runner.reproduce("smoke", "ball_collecting", out, jobs=1)

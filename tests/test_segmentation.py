@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.segmentation import (
+    LONG_SEGMENTS,
     SEGMENTATIONS,
     Segments,
     cut_segments,
@@ -14,6 +17,8 @@ from qboot.extraction.segmentation import (
     segment,
     split_points,
 )
+from qboot.extraction.traces import Trace
+from qboot.study.pipeline.extracting import at_decisions
 
 # Sixteenths, and 1, 2 or 4 effectors: sums and means are exact, so ties are ties in any order of summing.
 exact_commands = st.tuples(st.sampled_from([1, 2, 4]), st.sampled_from([1, 2, 3, 8, 16, 32])).flatmap(
@@ -159,6 +164,34 @@ def test_cut_segments_send_the_same_commands():
     assert parts.durations.tolist()[:6] == [1, 5, 10, 5, 6, 10]
     with pytest.raises(ValueError, match="longest"):
         cut_segments(segments, 0)
+
+
+def test_long_segments_are_clipped_or_dropped():
+    """Three pieces of a hundred steps would be three points of the same line; clipped it is one, dropped none."""
+    random = np.random.default_rng(0)
+    segments = Segments(random.normal(size=(4, 2)), random.normal(size=(4, 2)), np.array([1, 20, 21, 300]))
+    clipped, dropped = (LONG_SEGMENTS[name](segments, 20) for name in ("clip", "drop"))
+    assert clipped.durations.tolist() == [1, 20, 20, 20] and dropped.durations.tolist() == [1, 20]
+    np.testing.assert_array_equal(clipped.slopes, segments.slopes)
+    np.testing.assert_array_equal(dropped.intercepts, segments.intercepts[:2])
+    for handle in LONG_SEGMENTS.values():
+        with pytest.raises(ValueError, match="longest"):
+            handle(segments, 0)
+
+
+def test_a_trace_at_its_decisions_has_a_row_for_each_segment():
+    random = np.random.default_rng(0)
+    steps = np.arange(200)
+    levels = np.repeat(random.uniform(size=(4, 2)), 50, axis=0)  # a command that changes every 50 steps
+    trace = Trace(np.stack([steps, -steps], axis=1), levels)
+    settings = ActionSettings(min_duration=5, max_duration=30)
+    run = SimpleNamespace(settings=SimpleNamespace(actions=settings))
+    [thin] = at_decisions(run, [trace])
+    starts = thin.observations[:, 0]
+    durations = np.diff(np.append(starts, 200))
+    np.testing.assert_array_equal(durations, cut_segments(segment([levels], settings), 30).durations)
+    assert starts[0] == 0 and durations.max() <= 30
+    np.testing.assert_array_equal(thin.commands, levels[starts])
 
 
 def flow_of(segments):

@@ -195,3 +195,15 @@ def test_unusable_observations_are_refused(observations, lags, message):
 def test_settings_outside_their_range_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         SensorSettings(**change)
+
+
+def test_sums_do_not_depend_on_the_threads_of_blas():
+    """Split among two threads, these sums would be rounded differently."""
+    from threadpoolctl import threadpool_limits
+
+    observations = [np.random.default_rng(0).normal(size=(500, 13)) for _ in range(3)]
+    found = []
+    for n_threads in (1, 2, 4):
+        with threadpool_limits(limits=n_threads):
+            found.append(sensors.sum_rows(observations, 8).products.tobytes())
+    assert len(set(found)) == 1

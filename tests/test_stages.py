@@ -2,17 +2,23 @@
 
 import hashlib
 import json
+import re
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import tiny_settings
 
+from qboot import qlearning
+from qboot.cli import main
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.table import STAGES, stage
 from qboot.study.store import files, runs
-from qboot.study.store.artifacts import read_lineage
+from qboot.study.store.artifacts import read_actions, read_lineage
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import EVOLVE
 
 CONTRACT = {
     "config.json", "history.csv", "lineage.npz", "pareto.npz", "actions.npz", "sensors.npz", "qlearning.csv",
@@ -61,21 +67,65 @@ def test_finished_stages_are_skipped(tiny_run):
     assert {path.name: path.stat().st_mtime_ns for path in tiny_run.folder.iterdir()} == before
 
 
-def test_a_stage_that_is_done_again_removes_what_came_of_it(tiny_run, tmp_path):
-    """Otherwise scores of the old networks would stand beside the new ones."""
+@pytest.fixture
+def run(tiny_run, tmp_path):
+    """A copy of the finished run that may be changed."""
     shutil.copytree(tiny_run.folder, tmp_path / "run")
-    run = runs.load(tmp_path / "run")
-    run.file("qnets.npz").unlink()
-    stage("learn").do(run)
-    assert digests(tiny_run.folder).keys() - digests(run.folder).keys() == {
-        "generalisation.csv",
-        "target_learn.csv",
-        "target_er.csv",
-        "target_er_transfer.csv",
-        "transfer.csv",
-    }
-    stage("transfer").do(run)
+    return runs.load(tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", [name for each in STAGES for name in each.makes])
+def test_a_deleted_file_is_made_again(tiny_run, run, name):
+    """By its own stage alone: what later stages made of the same bytes stays good."""
+    run.file(name).unlink()
+    times = {path.name: path.stat().st_mtime_ns for path in run.folder.iterdir()}
+    maker = next(each for each in STAGES if name in each.makes)
+    assert [each.name for each in STAGES if not each.is_done(run)] == [maker.name]
+    for each in STAGES:
+        each.do(run)
     assert digests(run.folder) == digests(tiny_run.folder)
+    later = [each for each in STAGES[STAGES.index(maker) + 1 :] for each in each.makes]
+    assert all(run.file(other).stat().st_mtime_ns == times[other] for other in later)
+
+
+def test_the_advice_of_a_reader_works(tiny_run, run, capsys):
+    """A reader names the command that mends what it cannot read."""
+    content = run.file("actions.npz").read_bytes()
+    run.file("actions.npz").write_bytes(content[:-100])
+    run.file("qnets.npz").unlink()
+    with pytest.raises(RunError) as refused:
+        stage("learn").do(run)
+    command = re.search("`qboot (.*?)`", str(refused.value)).group(1)
+    assert main(command.split()) == 0
+    assert "actions.npz is damaged, or was changed: set aside" in capsys.readouterr().err
+    stage("learn").do(run)
+    run.file("actions.npz.set-aside").unlink()
+    assert digests(run.folder) == digests(tiny_run.folder)
+
+
+def test_results_of_other_bytes_are_outdated(run):
+    """Whoever puts another lineage in place has other actions to extract, and to learn with."""
+    arrays = files.read_npz(run.file("lineage.npz"))
+    Output(run, EVOLVE).write_npz("lineage.npz", arrays | {"births": arrays["births"] * 2})
+    assert [each.is_done(run) for each in STAGES] == [True, False, True, False]
+    with pytest.raises(RunError, match=r"actions.npz was made with other settings, or from other files.*qboot extract"):
+        read_actions(run)
+
+
+@pytest.mark.parametrize(
+    ("change", "undone"),
+    [
+        ({"seed": 5}, ["evolve", "extract", "learn", "transfer"]),
+        ({"target_generations": 7}, ["transfer"]),
+        ({"episodes": 7}, ["learn"]),
+        ({"profile": "other"}, []),
+    ],
+)
+def test_settings_count_where_they_are_used(run, change, undone):
+    """Also when somebody deletes config.json and begins another run in the folder."""
+    run.file("config.json").unlink()
+    other = runs.create(run.folder, replace(run.settings, **change))
+    assert [each.name for each in STAGES if not each.is_done(other)] == undone
 
 
 def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch):
@@ -88,16 +138,15 @@ def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch)
         for saves_before_kill in (1, 2, None):
             saves = 0
 
-            def save(path, arrays, write=files.write_npz, limit=saves_before_kill):
+            def save(output, name, arrays, save=Output.save, limit=saves_before_kill):
                 nonlocal saves
-                write(path, arrays)
-                if "checkpoint" in path.name:
-                    saves += 1
-                    if saves == limit:
-                        raise Killed
+                save(output, name, arrays)
+                saves += 1
+                if saves == limit:
+                    raise Killed
 
             with monkeypatch.context() as patch:
-                patch.setattr(files, "write_npz", save)
+                patch.setattr(Output, "save", save)
                 try:
                     each.do(run)
                 except Killed:
@@ -106,41 +155,42 @@ def test_a_killed_run_resumes_to_the_same_bytes(tiny_run, tmp_path, monkeypatch)
     assert digests(run.folder) == digests(tiny_run.folder)
 
 
+def test_exploration_in_new_domains_goes_on_from_where_it_was(tiny_run, tmp_path, monkeypatch):
+    shutil.copytree(tiny_run.folder, tmp_path / "run")
+    run = runs.load(tmp_path / "run")
+    for name in ("transfer.csv", "target_learn.csv"):
+        run.file(name).unlink()
+    begun = []
+    init = qlearning.init
+
+    def note(*given, **named):
+        begun.append(init(*given, **named))
+        return begun[-1]
+
+    monkeypatch.setattr(qlearning, "init", note)
+    stage("transfer").do(run)
+    assert [int(state.episode) for state in begun] == [run.settings.episodes]
+    assert digests(run.folder) == digests(tiny_run.folder)
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = tmp_path / "file.csv"
     files.write_csv(path, {"a": [1, 2]})
 
-    def fail(stream):
-        stream.write(b"half")
+    def fail(digest):
         raise Killed
 
     with pytest.raises(Killed):
-        files.write(path, fail)
+        files.write(path, b"new", before=fail)
     assert [p.name for p in tmp_path.iterdir()] == ["file.csv"]
     assert files.read_csv(path) == {"a": ["1", "2"]}
 
 
-@pytest.mark.parametrize("name", ["lineage.npz", "actions.npz", "sensors.npz", "qnets.npz"])
-def test_a_truncated_file_is_named(tiny_run, tmp_path, name):
-    folder = tmp_path / "run"
-    shutil.copytree(tiny_run.folder, folder)
-    run = runs.load(folder)
-    content = run.file(name).read_bytes()
-    run.file(name).write_bytes(content[: len(content) // 2])
-    run.file("transfer.csv").unlink()
-    for later in {"lineage.npz": ["sensors.npz"], "actions.npz": ["qnets.npz"], "sensors.npz": ["qnets.npz"]}.get(
-        name, []
-    ):
-        run.file(later).unlink()
-    with pytest.raises(RunError, match=f"{name} is damaged"):
-        for each in STAGES:
-            each.do(run)
-
-
 def test_a_missing_stage_is_named(tmp_path):
-    run = runs.create(tmp_path, tiny_settings())
-    with pytest.raises(RunError, match="run the stage that makes it first"):
+    run = runs.create(tmp_path / "new", tiny_settings())
+    with pytest.raises(RunError, match=r"lineage.npz does not exist: run `qboot evolve --out .*new`"):
         stage("extract").do(run)
+    assert [path.name for path in run.folder.iterdir()] == ["config.json"]
 
 
 def test_other_settings_or_versions_are_refused(tmp_path):
@@ -149,7 +199,7 @@ def test_other_settings_or_versions_are_refused(tmp_path):
         runs.create(tmp_path, tiny_settings(seed=1))
     config = run.file("config.json")
     text = config.read_text()
-    config.write_text(text.replace('"format": 1', '"format": 99'))
+    config.write_text(text.replace('"format": 2', '"format": 99'))
     with pytest.raises(RunError, match="format 99"):
         runs.load(tmp_path)
     config.write_text(text[:100])
@@ -165,13 +215,9 @@ def test_settings_survive_the_way_through_the_file(tmp_path):
     assert runs.load(tmp_path).settings == run.settings
 
 
-def test_replayed_scores_must_be_the_saved_ones(tiny_run, tmp_path):
-    folder = tmp_path / "run"
-    shutil.copytree(tiny_run.folder, folder)
-    run = runs.load(folder)
+def test_replayed_scores_must_be_the_saved_ones(run):
     arrays = files.read_npz(run.file("lineage.npz"))
-    files.write_npz(run.file("lineage.npz"), arrays | {"scores": arrays["scores"] + 1})
-    run.file("sensors.npz").unlink()
+    Output(run, EVOLVE).write_npz("lineage.npz", arrays | {"scores": arrays["scores"] + 1})
     with pytest.raises(RunError, match="does not replay"):
         stage("extract").do(run)
 

@@ -53,9 +53,27 @@ def test_median_and_quartiles_over_runs():
     np.testing.assert_array_equal(found.upper, [np.nan, 0, 0, 4])
 
 
-@pytest.mark.parametrize(("goal", "expected"), [(0, 10), (2, 20), (3, 20), (4, np.inf)])
-def test_episodes_to_a_score(goal, expected):
-    assert statistics.episodes_to(np.array([10, 20, 30]), np.array([1, 3, 2]), goal) == expected
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 8])
+def test_times_to_a_goal_are_those_of_the_quartiles_curves(n):
+    """By the curves of NumPy's quantiles over runs, with a score that has a greatest value."""
+    rng = np.random.default_rng(n)
+    scores, episodes = rng.integers(6, 9, (n, 40)), np.arange(10, 410, 10)
+    found = statistics.times_to_goal(scores == 8, episodes)
+    for time, share in zip(found, (0.75, 0.5, 0.25), strict=True):
+        reached = np.flatnonzero(np.quantile(scores, share, axis=0) >= 8)
+        assert time == (episodes[reached[0]] if len(reached) else np.inf)
+    low, high = statistics.time_interval(scores == 8, episodes)
+    assert low <= found.median <= high
+
+
+def test_the_interval_of_a_difference_shrinks_around_it():
+    rng = np.random.default_rng(0)
+    wide, narrow = (
+        statistics.difference_interval(rng.normal(3, 1, n), rng.normal(2, 1, n), level=0.9) for n in (10, 1_000)
+    )
+    assert narrow[0] < 1 < narrow[1]
+    assert 0 < narrow[1] - narrow[0] < 0.3 < wide[1] - wide[0]
+    assert np.isnan(statistics.difference_interval(np.ones(1), np.ones(5))).all()
 
 
 def test_mann_whitney_is_scipys_and_a12_counts_pairs():

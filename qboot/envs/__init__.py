@@ -2,24 +2,41 @@
 
 from typing import TYPE_CHECKING, Any
 
+from qboot.envs.brax_registry import register_when_imported
 from qboot.envs.registry import get_task, names, register
 from qboot.envs.task import Domain, Expert, Task, TaskState, View
 
 if TYPE_CHECKING:
     from qboot.envs.ball_collecting import BallCollecting
     from qboot.envs.box_pushing import BoxPushing
+    from qboot.envs.brax_env import TaskEnv
+    from qboot.envs.brax_task import estimated_range, from_brax
+    from qboot.envs.gymnasium_env import GymnasiumEnv
 
-# A task's folder knows the rooms that use tasks, so it is imported when it is asked for.
-_LATER = {"BallCollecting": "qboot.envs.ball_collecting", "BoxPushing": "qboot.envs.box_pushing"}
+# A task's folder knows the rooms that use tasks, and the rest loads Brax or Gymnasium: imported when asked for.
+_LATER = {
+    "BallCollecting": "qboot.envs.ball_collecting",
+    "BoxPushing": "qboot.envs.box_pushing",
+    "GymnasiumEnv": "qboot.envs.gymnasium_env",
+    "TaskEnv": "qboot.envs.brax_env",
+    "estimated_range": "qboot.envs.brax_task",
+    "from_brax": "qboot.envs.brax_task",
+}
+
+register_when_imported()
 
 __all__ = [
     "BallCollecting",
     "BoxPushing",
     "Domain",
     "Expert",
+    "GymnasiumEnv",
     "Task",
+    "TaskEnv",
     "TaskState",
     "View",
+    "estimated_range",
+    "from_brax",
     "get_task",
     "names",
     "register",

@@ -58,7 +58,8 @@ class Task(NamedTuple):
     """A robot task as pure functions on arrays (all of them work under jit, vmap and scan).
 
     A *timestep* is one primitive step, a *rollout* one run of a controller in one domain. An *episode*, one evaluation
-    of a policy, is `rollouts_per_domain` rollouts in each domain of a set; its score is the number of rewards earned.
+    of a policy, is `rollouts_per_domain` rollouts in each domain of a set; its score is the sum of the rewards earned,
+    in units of `reward`.
     """
 
     name: str
@@ -67,8 +68,8 @@ class Task(NamedTuple):
     sources: tuple[str, ...]  # names of the source domain sets
     max_steps: int  # timesteps of one rollout at most
     rollouts_per_domain: int
-    max_score_per_domain: int
-    reward: float  # size of one reward (equations 7 and 8)
+    max_score_per_domain: int  # of one episode; figures end there
+    reward: float  # size of one reward (equations 7 and 8); rewards may be fractions of it
     reset: Callable[[jax.Array, Domain], Any]  # (key, domain) -> TaskState
     step: Callable[[Domain, Any, jax.Array], Any]  # (domain, state, (E,) commands in [0, 1]) -> state
     truncated: Callable[[Any], jax.Array]  # state -> () bool: nothing happens any more, a rollout may stop here
@@ -78,6 +79,7 @@ class Task(NamedTuple):
     outcome: Callable[[Domain, Any], jax.Array]  # -> (k,) vector compared by the ad hoc distance
     trajectory_period: int  # steps between two recorded cells
     lanes: int = 8  # rollouts that run best side by side on one core
+    dt: float = 1.0  # seconds of a timestep; 1 where a task has no clock
     physics: tuple[str, ...] = ("own",)  # names of what it can run on, the one of record first
     on_physics: Callable[[str], Task] | None = None  # the task on another one of them
     expert: Expert | None = None

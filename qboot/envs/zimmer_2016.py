@@ -1,6 +1,6 @@
 """What the paper's sections and appendix print alike about both of its tasks."""
 
-from qboot.study.analysis.printed import Conclusion, ControlConclusion, PrintedFigure, TestTable
+from qboot.study.analysis.printed import SAME, Conclusion, ControlConclusion, PrintedFigure, TestTable
 
 FASTER = "After as many episodes as Q-learning was given, its score on the target set is above that of {}"
 GENERALISES = "Without further training, Q-learning scores higher on the target set than the best network"
@@ -42,8 +42,23 @@ def sensor_table(measure: str, *values: float | None) -> TestTable:
     return TestTable(f"Sensors: {measure}", "A-B", "sensors", measure, printed)
 
 
-def on_actions(claim: str, greater: str, smaller: str, measure: str) -> ControlConclusion:
-    """A claim of section VII-A."""
-    return ControlConclusion(
-        Conclusion(claim, "VII-A, figure 17", greater, smaller, "p < 0.001 in each of three tests"), "actions", measure
+def on_actions(claim: str, first: str, second: str, measure: str, reservation: str = "") -> ControlConclusion:
+    """A claim of section VII-A that the measure is greater with the first set of actions."""
+    conclusion = Conclusion(
+        claim, "VII-A, figure 17", first, second, "p < 0.001 in each of three tests", reservation=reservation
+    )
+    return ControlConclusion(conclusion, "actions", measure)
+
+
+def same(claim: str, section: str, what: str, first: str, second: str, printed: str) -> ControlConclusion:
+    """A claim that the performance does not differ in two conditions of a control experiment."""
+    return ControlConclusion(Conclusion(claim, section, first, second, printed, SAME), what, "performance")
+
+
+def same_with_any_number(own: int, others: tuple[int, ...]) -> tuple[ControlConclusion, ...]:
+    """The claim of section VII-C, a row for each number of actions that we try against the paper's own."""
+    claim = "The final performance does not depend on the number of actions: {} do as well as {}"
+    return tuple(
+        same(claim.format(n, own), "VII-C, figure 19", "n_actions", str(n), str(own), "a constant line in figure 19")
+        for n in others
     )

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot.extraction.clustering import CLUSTERINGS
-from qboot.extraction.segmentation import SEGMENTATIONS, Segments, cut_segments
+from qboot.extraction.segmentation import LONG_SEGMENTS, SEGMENTATIONS, Segments
 
 SCALES = ("none", "std", "minmax", "logstd")
 # Centres nearer than this in every feature, in standard deviations of it, count as one.
@@ -62,8 +62,12 @@ class ActionSettings:
     nowhere."""
 
     max_duration: int = 100
-    """Segments that last longer, in steps, are cut into equal parts before the clustering, >= 1: an action cannot be
-    interrupted, and one of thousands of steps spends a whole rollout."""
+    """Longest segment that is clustered as it is, in steps, >= 1: an action cannot be interrupted, and one of thousands
+    of steps spends a whole rollout."""
+
+    long_segments: str = "cut"
+    """What becomes of longer ones: "cut" into parts of about equal length, "clip" to their first `max_duration` steps,
+    or "drop"."""
 
     restarts: int = 1
     """Clusterings from different first centres, >= 1; the one with the smallest sum of distances is kept."""
@@ -76,7 +80,12 @@ class ActionSettings:
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
-        for name, table in (("segmentation", SEGMENTATIONS), ("clustering", CLUSTERINGS), ("scale", SCALES)):
+        for name, table in (
+            ("segmentation", SEGMENTATIONS),
+            ("clustering", CLUSTERINGS),
+            ("scale", SCALES),
+            ("long_segments", LONG_SEGMENTS),
+        ):
             if getattr(self, name) not in table:
                 raise ValueError(f"{name} is {getattr(self, name)!r}: it must be one of {', '.join(table)}")
         for name in ("n_actions", "min_duration", "restarts", "max_iterations"):
@@ -96,7 +105,7 @@ class ActionSettings:
 class ActionInfo(NamedTuple):
     """What an extraction of actions is reported by."""
 
-    n_segments: int
+    n_segments: int  # as split, before what is done about long ones
     n_distinct: int  # of the centres; fewer than n_actions when some coincide
     durations_before: np.ndarray  # (3,) quartiles over the segments, steps
     durations_after: np.ndarray  # (3,) quartiles over the actions, steps
@@ -146,7 +155,7 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
     Raises:
         ValueError: if there are fewer segments than actions.
     """
-    features = _features(cut_segments(segments, settings.max_duration))
+    features = _features(LONG_SEGMENTS[settings.long_segments](segments, settings.max_duration))
     if len(features) < settings.n_actions:
         raise ValueError(
             f"{settings.n_actions} actions need at least as many segments, got {len(features)}: "

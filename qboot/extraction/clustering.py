@@ -4,12 +4,15 @@ Another method is a function (features (n, F), settings, seed) -> Clustering, an
 Shape letters: n points, F features, c clusters.
 """
 
+import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from qboot.extraction.threads import one_thread
 
 if TYPE_CHECKING:  # the settings choose one of the methods
     from qboot.extraction.actions import ActionSettings
@@ -86,6 +89,7 @@ def cluster(
     return found._replace(centres=found.centres * unit + origin)
 
 
+@one_thread()
 def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarray:
     from sklearn.cluster import kmeans_plusplus  # takes a second to import: only those who cluster pay
 
@@ -148,7 +152,53 @@ def _fuzzy_c_means(features: np.ndarray, settings: "ActionSettings", seed: int) 
     )
 
 
+def _k_means(features: np.ndarray, settings: "ActionSettings", seed: int) -> Clustering:
+    """Centres that each stand for the points nearest to them (Lloyd's algorithm)."""
+    from sklearn.cluster import KMeans
+
+    found = _fitted(
+        KMeans(
+            settings.n_actions,
+            n_init=settings.restarts,
+            max_iter=settings.max_iterations,
+            tol=settings.tolerance,
+            random_state=seed,
+        ),
+        features,
+    )
+    memberships = np.eye(settings.n_actions, dtype=np.float32)[found.labels_]
+    return Clustering(found.cluster_centers_.astype(np.float64), memberships, int(found.n_iter_))
+
+
+def _gaussian_mixture(features: np.ndarray, settings: "ActionSettings", seed: int) -> Clustering:
+    """The means of a mixture of normal distributions with full covariances, by expectation maximisation."""
+    from sklearn.mixture import GaussianMixture
+
+    found = _fitted(
+        GaussianMixture(
+            settings.n_actions,
+            n_init=settings.restarts,
+            max_iter=settings.max_iterations,
+            tol=settings.tolerance,
+            random_state=seed,
+        ),
+        np.asarray(features, np.float64),
+    )
+    return Clustering(found.means_, found.predict_proba(features).astype(np.float32), int(found.n_iter_))
+
+
+def _fitted(model: Any, features: np.ndarray) -> Any:
+    """A model of scikit-learn, fitted; that centres coincide or move on is told by what is reported of them."""
+    from sklearn.exceptions import ConvergenceWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        return model.fit(features)
+
+
 CLUSTERINGS: dict[str, Callable[[np.ndarray, "ActionSettings", int], Clustering]] = {
     "fuzzy_c_means": _fuzzy_c_means,
+    "k_means": _k_means,
+    "gaussian_mixture": _gaussian_mixture,
 }
 """(scaled features (n, F), settings, seed) -> `settings.n_actions` clusters; the seed decides all that is random."""

@@ -4,6 +4,8 @@ Another method is a function (commands (E, T), settings) -> Segments, and a row 
 Shape letters: E effectors, T steps, n segments.
 """
 
+import logging
+import warnings
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +13,9 @@ import numpy as np
 
 if TYPE_CHECKING:  # the settings choose one of the methods
     from qboot.extraction.actions import ActionSettings
+
+# Least variance of a hidden state's commands, whose range is [0, 1].
+EMISSION_VARIANCE = 1e-4
 
 
 class Segments(NamedTuple):
@@ -69,7 +74,50 @@ def linear_segments(commands: np.ndarray, shortest: int = 1) -> Segments:
         ValueError: as `split_points`.
     """
     commands = _checked(commands)
-    starts = _spaced(np.flatnonzero(split_points(commands)), shortest, commands.shape[1])
+    return _lines(commands, _spaced(np.flatnonzero(split_points(commands)), shortest, commands.shape[1]))
+
+
+def hidden_state_segments(commands: np.ndarray, n_states: int, shortest: int = 1) -> Segments:
+    """Least-squares lines (equation 5) of the runs of one hidden state of a Markov model with Gaussian emissions.
+
+    The model is fitted to this flow alone, by expectation maximisation, and read by Viterbi's algorithm.
+
+    Args:
+        commands: (E, T) values sent to the effectors.
+        n_states: hidden states at most; a flow with fewer different commands has no more states than those.
+        shortest: as in `linear_segments`.
+
+    Raises:
+        ValueError: as `split_points`, and if hmmlearn is not installed.
+    """
+    commands = _checked(commands)
+    # Commands that differ by less than a thousandth of their range are one: EM needs some spread.
+    n_states = min(n_states, len(np.unique(commands.round(3), axis=1).T))
+    if n_states == 1:
+        return _lines(commands, np.array([0]))
+    states = _hidden_states(commands.T, n_states)
+    return _lines(commands, _spaced(np.flatnonzero(np.diff(states)) + 1, shortest, commands.shape[1]))
+
+
+def _hidden_states(emissions: np.ndarray, n_states: int) -> np.ndarray:
+    """The most likely hidden states (T,) of emissions (T, E)."""
+    try:
+        from hmmlearn.hmm import GaussianHMM
+    except ImportError:
+        raise ValueError("the segmentation 'hidden_markov' needs hmmlearn: pip install 'qboot[alternatives]'") from None
+    from sklearn.exceptions import ConvergenceWarning
+
+    model = GaussianHMM(n_states, covariance_type="diag", min_covar=EMISSION_VARIANCE, random_state=0)
+    # It tells through its logger that it stopped before it converged, or that a state is never left.
+    logger = logging.getLogger("hmmlearn")
+    logger.setLevel(logging.CRITICAL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # of the k-means that it starts from
+        return model.fit(emissions).predict(emissions)
+
+
+def _lines(commands: np.ndarray, starts: np.ndarray) -> Segments:
+    """Least-squares lines from each of the `starts` (n,) to the next, the last one to the end."""
     durations = np.diff(np.append(starts, commands.shape[1]))
     middle = (durations - 1) / 2
     time = np.arange(commands.shape[1]) - np.repeat(starts + middle, durations)  # 0 amid each segment
@@ -94,6 +142,20 @@ def cut_segments(segments: Segments, longest: int) -> Segments:
     start, end = (k * segments.durations[segment] // n_parts[segment] for k in (part, part + 1))
     slopes = segments.slopes[segment]
     return Segments(slopes, segments.intercepts[segment] + slopes * start[:, None], end - start)
+
+
+def clip_segments(segments: Segments, longest: int) -> Segments:
+    """Each segment's first `longest` steps; errors as `cut_segments`."""
+    if longest < 1:
+        raise ValueError(f"longest must be at least 1 step, got {longest}.")
+    return segments._replace(durations=np.minimum(segments.durations, longest))
+
+
+def drop_segments(segments: Segments, longest: int) -> Segments:
+    """The segments of at most `longest` steps; none may be left. Errors as `cut_segments`."""
+    if longest < 1:
+        raise ValueError(f"longest must be at least 1 step, got {longest}.")
+    return Segments(*(field[segments.durations <= longest] for field in segments))
 
 
 def join_segments(parts: list[Segments]) -> Segments:
@@ -135,7 +197,19 @@ def _second_derivative(commands: np.ndarray, settings: "ActionSettings") -> Segm
     return linear_segments(commands, settings.min_duration)
 
 
+def _hidden_markov(commands: np.ndarray, settings: "ActionSettings") -> Segments:
+    return hidden_state_segments(commands, settings.n_actions, settings.min_duration)
+
+
 SEGMENTATIONS: dict[str, Callable[[np.ndarray, "ActionSettings"], Segments]] = {
     "second_derivative": _second_derivative,
+    "hidden_markov": _hidden_markov,
 }
 """(commands (E, T), settings) -> segments of at least `min_duration` steps whose durations sum to T."""
+
+LONG_SEGMENTS: dict[str, Callable[[Segments, int], Segments]] = {
+    "cut": cut_segments,
+    "clip": clip_segments,
+    "drop": drop_segments,
+}
+"""(segments, longest) -> segments of at most `longest` steps."""

@@ -17,8 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from qboot.extraction import forest
+from qboot.extraction.threads import one_thread
 from qboot.extraction.traces import Trace
 
+MOMENTS = ("steps", "decisions")
 RULES = ("bic", "bic_traces", "bic_rows", "fixed")
 # Rows multiplied at a time.
 CHUNK = 4096
@@ -41,6 +44,10 @@ class SensorSettings:
     lags: int = 8
     """mu: past observations that inputs are chosen from, >= 1."""
 
+    moments: str = "steps"
+    """Of what the traces are made that the models are fitted on: all "steps", as the paper has it, or those at which
+    an action begins, the "decisions", by which some learners count their lags."""
+
     rule: str = "bic_rows"
     """Penalty by BIC for `sample_size` observations ("bic"), for as many as there are traces ("bic_traces") or rows
     ("bic_rows"), or the penalty `alpha` ("fixed")."""
@@ -53,7 +60,7 @@ class SensorSettings:
 
     def __post_init__(self) -> None:
         """Refuse values outside their range."""
-        for name, table in (("selection", SELECTIONS), ("rule", RULES)):
+        for name, table in (("selection", SELECTIONS), ("rule", RULES), ("moments", MOMENTS)):
             if getattr(self, name) not in table:
                 raise ValueError(f"{name} is {getattr(self, name)!r}: it must be one of {', '.join(table)}")
         for name, least in (("lags", 1), ("sample_size", 2)):
@@ -64,15 +71,19 @@ class SensorSettings:
 
 
 class Sums(NamedTuple):
-    """Sums over the rows (1, o(t), o(t-1), .. o(t-L)) of all traces."""
+    """Sums over the rows (1, y(t), o(t-1), .. o(t-L)) of all traces; y is what is predicted: o, or commands."""
 
-    products: np.ndarray  # (1 + (L+1) S, 1 + (L+1) S) float64, sum of outer products
+    products: np.ndarray  # (1 + M + L S, 1 + M + L S) float64, sum of outer products
     n_traces: int
     n_rows: int
+    n_targets: int  # M
 
 
 class SensorVotes(NamedTuple):
-    """What each sensor's model keeps. A sensor that never varies has no model and does not vote."""
+    """What each sensor's model keeps. A sensor that never varies has no model and does not vote.
+
+    Where commands are predicted, the first axes have the length E, and are effectors.
+    """
 
     kept: np.ndarray  # (S, L, S) bool: to predict sensor j, its model keeps sensor l at lag k + 1
     alphas: np.ndarray  # (S,) penalty chosen, NaN without a model
@@ -117,6 +128,7 @@ def majority(kept: np.ndarray) -> np.ndarray:
     return elected if elected.any() else votes == votes.max()
 
 
+@one_thread()
 def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
     """A lasso model for every sensor: o_j(t) from all sensors at t-1 .. t-L, all standardised.
 
@@ -130,52 +142,72 @@ def sensor_votes(observations: Iterable[np.ndarray], lags: int, settings: Sensor
     Raises:
         ValueError: if traces are not finite or of different S, none is long enough, or no sensor ever varies.
     """
-    settings = settings or SensorSettings()
-    sums = sum_rows(observations, lags)
+    return _votes(sum_rows(observations, lags), lags, settings or SensorSettings())
+
+
+def effector_votes(traces: Iterable[Trace], lags: int, settings: SensorSettings | None = None) -> SensorVotes:
+    """A lasso model for every effector: u_j(t) from all sensors at t .. t-L+1, all standardised.
+
+    Arguments, errors and the rest as `sensor_votes`, with effectors in the place of the sensors that are predicted.
+    """
+    # A command follows the observation of its own step: the latest that a decision sees, lag 1.
+    later = ((np.concatenate([trace.commands[:1], trace.commands[:-1]]), trace.observations) for trace in traces)
+    return _votes(_sum_pairs(later, lags), lags, settings or SensorSettings())
+
+
+def _votes(sums: Sums, lags: int, settings: SensorSettings) -> SensorVotes:
+    """The models of all targets that vary."""
     correlations, varies = standardise(sums)
-    n_sensors = len(correlations) // (lags + 1)
-    targets = np.flatnonzero(varies[:n_sensors])
-    inputs = n_sensors + np.flatnonzero(varies[n_sensors:])
+    n_targets = sums.n_targets
+    n_sensors = (len(correlations) - n_targets) // lags
+    targets = np.flatnonzero(varies[:n_targets])
+    inputs = n_targets + np.flatnonzero(varies[n_targets:])
     if not len(targets) or not len(inputs):
         raise ValueError("no sensor ever varies: observations of at least one must differ.")
     gram = correlations[np.ix_(inputs, inputs)] + NOISE * np.eye(len(inputs))
 
-    kept = np.zeros((n_sensors, lags * n_sensors), bool)
-    alphas, explained = np.full((2, n_sensors), np.nan)
+    kept = np.zeros((n_targets, lags * n_sensors), bool)
+    alphas, explained = np.full((2, n_targets), np.nan)
     for j in targets:
         weights, alphas[j], explained[j] = fit_lasso(gram, correlations[inputs, j], settings, sums)
-        kept[j, inputs - n_sensors] = weights != 0
-    return SensorVotes(kept.reshape(n_sensors, lags, n_sensors), alphas, explained, sums.n_traces, sums.n_rows)
+        kept[j, inputs - n_targets] = weights != 0
+    return SensorVotes(kept.reshape(n_targets, lags, n_sensors), alphas, explained, sums.n_traces, sums.n_rows)
 
 
 def sum_rows(observations: Iterable[np.ndarray], lags: int) -> Sums:
     """The sums over all traces longer than `lags`; errors as `sensor_votes`."""
+    return _sum_pairs(((trace, trace) for trace in observations), lags)
+
+
+@one_thread()
+def _sum_pairs(traces: Iterable[tuple[np.ndarray, np.ndarray]], lags: int) -> Sums:
+    """The sums of targets (T, M) and observations (T, S); errors as `sensor_votes`."""
     if lags < 1:
         raise ValueError(f"lags must be at least 1, got {lags}.")
     products: np.ndarray = np.zeros(())
-    n_traces, n_rows, n_sensors = 0, 0, None
-    for trace in observations:
-        trace = np.asarray(trace, np.float64)
-        n_sensors = n_sensors or trace.shape[-1]
+    n_traces, n_rows, n_sensors, n_targets = 0, 0, None, 0
+    for targets, trace in traces:
+        targets, trace = np.asarray(targets, np.float64), np.asarray(trace, np.float64)
+        n_sensors, n_targets = n_sensors or trace.shape[-1], targets.shape[-1]
         if trace.ndim != 2 or trace.shape[1] != n_sensors:
             raise ValueError(f"observations must be (steps, {n_sensors} sensors) in all traces, got {trace.shape}.")
-        if not np.isfinite(trace).all():
+        if not np.isfinite(trace).all() or not np.isfinite(targets).all():
             raise ValueError("observations must be finite: a trace holds NaN or infinite values.")
         if len(trace) <= lags:
             continue
         for first in range(lags, len(trace), CHUNK):
             last = min(first + CHUNK, len(trace))
-            shifted = [trace[first - k : last - k] for k in range(lags + 1)]
-            rows = np.hstack([np.ones((last - first, 1)), *shifted])
+            shifted = [trace[first - k : last - k] for k in range(1, lags + 1)]
+            rows = np.hstack([np.ones((last - first, 1)), targets[first:last], *shifted])
             products = products + rows.T @ rows
         n_traces, n_rows = n_traces + 1, n_rows + len(trace) - lags
     if not n_traces:
         raise ValueError(f"no trace is longer than {lags} steps: use longer rollouts or fewer lags.")
-    return Sums(products, n_traces, n_rows)
+    return Sums(products, n_traces, n_rows, n_targets)
 
 
 def standardise(sums: Sums) -> tuple[np.ndarray, np.ndarray]:
-    """Correlations between the columns o(t), o(t-1), .. o(t-L), and which columns vary; 0 for those that do not."""
+    """Correlations between the columns y(t), o(t-1), .. o(t-L), and which columns vary; 0 for those that do not."""
     square = np.diag(sums.products)[1:] / sums.n_rows
     mean = sums.products[0, 1:] / sums.n_rows
     covariance = sums.products[1:, 1:] / sums.n_rows - np.outer(mean, mean)
@@ -234,5 +266,19 @@ def _lasso(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
     return Selection(majority(votes.kept), votes)
 
 
-SELECTIONS: dict[str, Callable[[Iterable[Trace], SensorSettings], Selection]] = {"lasso": _lasso}
+def _lasso_of_commands(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
+    votes = effector_votes(traces, settings.lags, settings)
+    return Selection(majority(votes.kept), votes)
+
+
+def _forest(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
+    importance = forest.permutation_importance([trace.observations for trace in traces], settings.lags)
+    return Selection(importance.drops > importance.drops.mean(), importance)
+
+
+SELECTIONS: dict[str, Callable[[Iterable[Trace], SensorSettings], Selection]] = {
+    "lasso": _lasso,
+    "lasso_of_commands": _lasso_of_commands,
+    "forest": _forest,
+}
 """(traces, settings) -> a selection with at least one input; `settings.lags` rows."""

@@ -1,9 +1,10 @@
 """The evolutionary algorithms by name. Another one is a file with the functions of `Algorithm`, and a row here."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
-from qboot.neuroevolution import evolve
+from qboot.neuroevolution import evolve, strategies
 from qboot.neuroevolution.dnn import Genome
 from qboot.neuroevolution.lineage import Individuals
 from qboot.neuroevolution.problem import EvolveInfo, Problem
@@ -42,6 +43,18 @@ class Algorithm(NamedTuple):
     """(problem, saved) -> the state, to the bit."""
 
 
+def _strategy(name: str) -> Algorithm:
+    return Algorithm(
+        init=partial(strategies.init, name),
+        step=partial(strategies.step, name),
+        best_lineage=strategies.best_lineage,
+        pareto_front=strategies.pareto_front,
+        saved=strategies.SearchState,
+        condensed=strategies.condensed,
+        restored=strategies.restored,
+    )
+
+
 ALGORITHMS = {
     "nsga2": Algorithm(
         init=evolve.init,
@@ -52,4 +65,7 @@ ALGORITHMS = {
         condensed=evolve.condensed,
         restored=evolve.restored,
     ),
+    "cma_es": _strategy("cma_es"),
+    "open_es": _strategy("open_es"),
+    "snes": _strategy("snes"),
 }

@@ -129,7 +129,10 @@ def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behavi
     """Selection: objectives, ranks and crowding over everyone; the archive keeps the survivors' ancestors."""
     diversity = DISTANCES[diversity_in_force(problem, state.generation)].metric(problem.task, behaviours)
     objectives = np.stack([everyone.scores, np.asarray(diversity)], axis=1)
-    ranks, crowding, chosen = jax.device_get(_select(objectives, problem.settings.population))
+    # Parents come before children, and of equals the first survives.
+    order = np.arange(len(objectives))[:: -1 if problem.settings.newborn_first else 1]
+    ranks, crowding, chosen = jax.device_get(_select(objectives[order], problem.settings.population))
+    chosen, ranks, crowding = order[chosen], ranks[order], crowding[order]  # a reversal undoes itself
     survivors = everyone.take(chosen)
     # Only those not archived yet, in order of their ids.
     new = everyone.ids > (state.archive.ids[-1] if len(state.archive.ids) else -1)

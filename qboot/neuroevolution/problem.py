@@ -36,12 +36,21 @@ class Problem:
 
     def __post_init__(self):
         """Reject networks that do not fit the task."""
-        for name, given, parts, needed in (
-            ("n_inputs", self.dnn.n_inputs, "sensors", len(self.task.sensors)),
-            ("n_outputs", self.dnn.n_outputs, "effectors", len(self.task.effectors)),
-        ):
-            if given != needed:
-                raise ValueError(f"{name} is {given}, but {self.task.name} has {needed} {parts}: it must be {needed}")
+        check_dnn(self.task, self.dnn)
+
+
+def check_dnn(task: Task, dnn: DnnSettings) -> None:
+    """Refuse networks without an input for each sensor and an output for each effector of the task.
+
+    Raises:
+        ValueError: if a number differs.
+    """
+    for name, given, parts, needed in (
+        ("n_inputs", dnn.n_inputs, "sensors", len(task.sensors)),
+        ("n_outputs", dnn.n_outputs, "effectors", len(task.effectors)),
+    ):
+        if given != needed:
+            raise ValueError(f"{name} is {given}, but {task.name} has {needed} {parts}: it must be {needed}")
 
 
 class EvolveInfo(NamedTuple):

@@ -24,6 +24,8 @@ class EvolutionSettings:
     horizon: int = 500
     """H: ancestors kept in the lineage of the best-of-run, itself included, >= 1."""
     rates: MutationRates = field(default_factory=MutationRates)
+    newborn_first: bool = False
+    """Of individuals that the crowded comparison holds for equal, the newborn survive; else the older ones."""
     reevaluate: bool = False
     """Evaluate survivors again in every generation, all on the same starts as the newborn. For tasks that start at
     random: an individual that was lucky once does not stay for its luck. It doubles the episodes."""

@@ -24,7 +24,7 @@ class LearnerState(NamedTuple):
 
     networks: Any  # whatever the learner's `init` returns (`QNetworks` of q_learning)
     store: Trajectory  # the best trajectories of each domain, leading axes (D, eta)
-    episode: jax.Array  # () int32 episodes done
+    episode: jax.Array  # () int32 episodes done: exploration goes by them
     key: jax.Array  # the learner's only source of randomness
 
 
@@ -42,8 +42,10 @@ class EpisodeInfo(NamedTuple):
     largest_q: jax.Array  # () largest |Q(s, a)| of all actions at the decisions
 
 
-def init(key: jax.Array, problem: Problem, capacity: int | None = None, networks: Any = None) -> LearnerState:
-    """A learner that has not seen anything yet.
+def init(
+    key: jax.Array, problem: Problem, capacity: int | None = None, networks: Any = None, episode: int = 0
+) -> LearnerState:
+    """A learner that has not seen anything of its problem yet.
 
     Args:
         key: random key of the learner.
@@ -51,6 +53,7 @@ def init(key: jax.Array, problem: Problem, capacity: int | None = None, networks
         capacity: actions that a trajectory has room for; default `trajectory_capacity`. It has to be given
             where `problem` is traced.
         networks: to go on from, such as those learned on the source set; default new ones.
+        episode: episodes that it has done elsewhere; exploration goes on from there.
 
     Raises:
         AssertionError: if the shapes of the problem's arrays do not fit each other.
@@ -64,7 +67,7 @@ def init(key: jax.Array, problem: Problem, capacity: int | None = None, networks
         raise ValueError(f"the networks must have the shapes {expected}, got {found}.")
     capacity = trajectory_capacity(problem) if capacity is None else capacity
     store = empty_store(problem.n_domains, problem.settings.eta, capacity, problem.n_inputs)
-    return LearnerState(networks, store, jnp.int32(0), keys.key(key, "episodes"))
+    return LearnerState(networks, store, jnp.int32(episode), keys.key(key, "episodes"))
 
 
 @partial(jax.jit, static_argnames="n_episodes")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
+from qboot.qlearning import adam, double_dqn, fitted_q, one_network
 from qboot.qlearning.networks import init_networks, q_values
 from qboot.qlearning.replay import replay_best
 from qboot.qlearning.updates import td_update
@@ -17,8 +18,8 @@ class Learner(NamedTuple):
     Padding must not show: the first values of an action do not depend on how many actions and inputs there are.
 
     Another optimiser or another target (Double DQN) is a row with its own `init` and `update`; one network with
-    an output per action is one with its own `values`, too. A learner that fits all trajectories at once (Neural
-    Fitted Q) has an `update` that changes nothing, and does its work in `replay`.
+    an output per action is one with its own `values`, too. A learner that fits all trajectories at once (fitted Q)
+    has an `update` that changes nothing, and does its work in `replay`.
     """
 
     init: Callable[..., Any]
@@ -38,4 +39,12 @@ class Learner(NamedTuple):
 
 LEARNERS = {
     "q_learning": Learner(init_networks, q_values, td_update, partial(replay_best, td_update)),
+    "adam": Learner(adam.init, adam.values, adam.update, partial(replay_best, adam.update)),
+    "double_dqn": Learner(
+        double_dqn.init, double_dqn.values, double_dqn.update, partial(replay_best, double_dqn.update)
+    ),
+    "one_network": Learner(
+        one_network.init, one_network.values, one_network.update, partial(replay_best, one_network.update)
+    ),
+    "fitted_q": Learner(init_networks, q_values, fitted_q.update, fitted_q.fit),
 }

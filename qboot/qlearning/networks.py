@@ -6,7 +6,7 @@ that is the order in which XLA multiplies a matrix by one vector fastest on a CP
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,8 @@ from qboot import keys
 
 STEEPNESS = 0.5  # of every neuron, as in the FANN library that the authors used
 INITIAL_WEIGHT = 0.1  # weights and biases start uniform in [-0.1, 0.1]
+
+Networks = TypeVar("Networks")  # a tree of arrays with leading axis A, such as QNetworks
 
 
 class QNetworks(NamedTuple):
@@ -62,9 +64,25 @@ q_values = jax.vmap(q_value, in_axes=(0, None))
 """Values (A,) of all actions in one state: (networks, inputs (I,)) -> (A,)."""
 
 
-def network_of(networks: QNetworks, action: jax.Array) -> QNetworks:
-    """The network of one action, () int32."""
+def network_of(networks: Networks, action: jax.Array) -> Networks:
+    """What a tree of leading axis A holds of one action, () int32, such as its network."""
     return jax.tree.map(lambda leaf: lax.dynamic_index_in_dim(leaf, action, keepdims=False), networks)
+
+
+def put_network(networks: Networks, action: jax.Array, network: Networks, active: jax.Array) -> Networks:
+    """The tree with `network` in the place of an action, () int32, or as it was where `active`, () bool, is false."""
+
+    def put(leaf: jax.Array, new: jax.Array) -> jax.Array:
+        old = lax.dynamic_index_in_dim(leaf, action, keepdims=False)
+        return lax.dynamic_update_index_in_dim(leaf, jnp.where(active, new, old), action, 0)
+
+    return jax.tree.map(put, networks, network)
+
+
+def td_error(network: QNetworks, inputs: jax.Array, target: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """(target - Q)^2 / 2 () of one action's network, and target - Q ()."""
+    error = target - q_value(network, inputs)
+    return jnp.square(error) / 2, error
 
 
 def train(
@@ -91,19 +109,7 @@ def train(
         The networks, and the error () target - Q(s, a) before the step.
     """
     network = network_of(networks, action)
-
-    def loss(network: QNetworks) -> tuple[jax.Array, jax.Array]:
-        error = target - q_value(network, inputs)
-        return jnp.square(error) / 2, error
-
-    gradient, error = jax.grad(loss, has_aux=True)(network)
+    gradient, error = jax.grad(td_error, has_aux=True)(network, inputs, target)
     descent = optax.sgd(alpha)
     updates, _ = descent.update(gradient, descent.init(network))
-    trained = optax.apply_updates(network, updates)
-    written = jax.tree.map(
-        lambda leaf, new, old: lax.dynamic_update_index_in_dim(leaf, jnp.where(active, new, old), action, 0),
-        networks,
-        trained,
-        network,
-    )
-    return written, error
+    return put_network(networks, action, optax.apply_updates(network, updates), active), error

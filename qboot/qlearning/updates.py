@@ -19,6 +19,12 @@ class Transition(NamedTuple):
     terminal: jax.Array  # () bool: the rollout ended during it
 
 
+def target_of(transition: Transition, next_values: jax.Array, action_mask: jax.Array) -> jax.Array:
+    """Target () of a transition (equation 3), from the values (A,) of the state after it."""
+    next_q_max = jnp.max(jnp.where(action_mask, next_values, -jnp.inf))
+    return td_target(transition.reward, next_q_max, transition.terminal)
+
+
 def td_update(
     networks: QNetworks, transition: Transition, action_mask: jax.Array, alpha: float, active: jax.Array
 ) -> tuple[QNetworks, jax.Array, jax.Array]:
@@ -36,8 +42,7 @@ def td_update(
         before the update.
     """
     next_values = q_values(networks, transition.next_inputs)
-    next_q_max = jnp.max(jnp.where(action_mask, next_values, -jnp.inf))
-    target = td_target(transition.reward, next_q_max, transition.terminal)
+    target = target_of(transition, next_values, action_mask)
     networks, error = train(networks, transition.action, transition.inputs, target, alpha, active)
     # One network has changed, so one value is computed again.
     changed = q_value(network_of(networks, transition.action), transition.next_inputs)

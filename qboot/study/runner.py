@@ -1,28 +1,27 @@
 """Running a study: stages as processes of their own, spread over the cores, retried, skipped when done."""
 
+import contextlib
 import itertools
 import json
 import os
-import subprocess
+import shutil
 import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
 from tqdm import tqdm
 
-from qboot.envs.registry import BUILT_IN, get_task
-from qboot.study.controls.cells import folder_of as folder_of_cells
-from qboot.study.controls.conditions import WHATS
-from qboot.study.pipeline import profiles
+from qboot.study import costs, processes
+from qboot.study import jobs as plan
+from qboot.study.pipeline.checks import check
+from qboot.study.pipeline.interruption import at_interrupt
 from qboot.study.pipeline.progress import STATUS_VARIABLE
-from qboot.study.pipeline.table import STAGES
-from qboot.study.store import runs
+from qboot.study.store import lock, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.settings import RunSettings
 
@@ -40,7 +39,9 @@ class Job:
     label: str
     status: Path
     folder: Path
-    steps: dict[str, list[str]]  # arguments of `qboot` by name of the step
+    steps: dict[str, tuple[str, ...]]  # arguments of `qboot` by name of the step
+    parts: dict[str, float] = field(default_factory=dict)  # what each part of the steps costs, by name, in their order
+    before: float = 0.0  # of these costs, what earlier starts of the study have done
     is_ready: Callable[[], bool] = lambda: True  # whether what it reads is there
     is_over: bool = False
     error: str = ""  # in words, once it is over
@@ -55,23 +56,59 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> No
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    tasks = [task] if task else list(BUILT_IN)
-    settings = {name: profiles.runs_of(name, profile) for name in tasks}
-    for of_task in settings.values():
-        for run in of_task:
-            runs.create(runs.folder_of(out, run), run)
-    with tempfile.TemporaryDirectory() as scratch:
-        status = (Path(scratch) / f"{i}.json" for i in itertools.count())
-        of_runs = {name: [_run_job(out, run, next(status)) for run in settings[name]] for name in tasks}
-        # Those of the slower simulation first, so that the cores are busy to the end.
-        of_sweeps = [
-            _sweep_job(out, name, what, profile, next(status), of_runs[name]) for name in tasks[::-1] for what in WHATS
+    table = plan.jobs_of(profile, task, out)
+    settings = list(dict.fromkeys(each.run for each in table if each.run))
+    for run in settings:
+        check(run)
+    unusable = _create(out, settings)
+    with lock.owned(out), _scratch(out) as scratch, at_interrupt(processes.stop_all):
+        status = (scratch / f"{i}.json" for i in itertools.count())
+        # The stages of a run follow each other; a control experiment waits for the runs of its task.
+        of_runs = [
+            _run_job(list(stages), next(status))
+            for run, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.run)
+            if run not in unusable
         ]
-        everything = [job for of_task in of_runs.values() for job in of_task] + of_sweeps
+        of_sweeps: dict[plan.Job, Job] = {}
+        for each in table:
+            if not each.run:
+                # ... and for the experiment that makes the cells that it has in common with it.
+                earlier = [of_sweeps[other] for other in plan.waits_for(each, list(of_sweeps))]
+                of_sweeps[each] = _sweep_job(each, next(status), of_runs, earlier)
+        everything = [*of_runs, *of_sweeps.values()]
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
-    errors = [f"{job.folder}: {job.error}" for job in everything if job.error]
+    errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
     if errors:
         raise RunError("; ".join(errors))
+
+
+def _create(out: Path, some: list[RunSettings]) -> dict[RunSettings, str]:
+    """Begin all runs; why some cannot be, if others can.
+
+    Raises:
+        RunError: if none can be begun.
+    """
+    unusable = {}
+    for run in some:
+        try:
+            runs.create(runs.folder_of(out, run), run)
+        except RunError as error:
+            unusable[run] = str(error)
+    if len(unusable) == len(some):
+        raise RunError(next(iter(unusable.values())))
+    return unusable
+
+
+@contextlib.contextmanager
+def _scratch(out: Path) -> Iterator[Path]:
+    """A folder for the time of a study; what a killed process left in it is removed."""
+    folder = out / ".status"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def share_compiled_programs(out: Path) -> None:
@@ -90,10 +127,10 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         do_job: does one; returns its error, or nothing.
         n_workers: at a time, >= 1.
     """
-    waiting, lock = list(some), threading.Lock()
+    waiting, one_at_a_time = list(some), threading.Lock()
 
     def take() -> Job | None:
-        with lock:
+        with one_at_a_time:
             job = next((job for job in waiting if job.is_ready()), None)
             if job:
                 waiting.remove(job)
@@ -122,21 +159,31 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         worker.result()
 
 
-def _run_job(out: Path, run: RunSettings, status: Path) -> Job:
-    folder = runs.folder_of(out, run)
-    steps = {stage.name: [stage.name, "--out", str(folder)] for stage in STAGES}
-    return Job(f"{get_task(run.task).name} {run.source}-{run.seed}", status, folder, steps)
+def _run_job(stages: list[plan.Job], status: Path) -> Job:
+    steps = {stage.step: stage.arguments for stage in stages}
+    parts = {name: seconds for stage in stages for name, seconds in costs.of_usual(stage).items()}
+    before = sum(sum(costs.of_usual(stage).values()) for stage in stages if stage.is_done)
+    return Job(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
 
 
-def _sweep_job(out: Path, task: str, what: str, profile: str, status: Path, of_runs: list[Job]) -> Job:
+def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job], earlier: list[Job]) -> Job:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    arguments = ["ablate", "--task", task, "--what", what, "--profile", profile, "--out", str(out)]
+    awaited = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        return all(job.is_over or (job.folder / "sensors.npz").exists() for job in of_runs)
+        extracted = all(job.is_over or _is_extracted(job.folder) for job in awaited)
+        return extracted and all(job.is_over for job in earlier)
 
-    name = get_task(task).name
-    return Job(f"{name} {what}", status, folder_of_cells(out, name, what), {"ablate": arguments}, is_ready)
+    steps, parts = {control.step: control.arguments}, costs.of_usual(control)
+    before = sum(parts.values()) if control.is_done else 0.0
+    return Job(control.label, status, control.folder, steps, parts, before, is_ready)
+
+
+def _is_extracted(folder: Path) -> bool:
+    try:
+        return provenance.is_whole(runs.load(folder), "sensors.npz")
+    except RunError:
+        return False
 
 
 def _do_steps(job: Job) -> str:
@@ -146,10 +193,10 @@ def _do_steps(job: Job) -> str:
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
             started, before = time.time(), _read_status(job.status)
-            result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+            result = processes.run(command, environment)
             if result.returncode == 0 and _read_status(job.status) != before:
                 _note_time(job.folder, step, time.time() - started)
-            if result.returncode in (0, 2, 130):
+            if result.returncode in (0, 2, 129, 130, 143):
                 break
         if result.returncode:
             words = result.stderr.strip().splitlines() or [f"exit code {result.returncode}"]
@@ -164,27 +211,35 @@ def _note_time(folder: Path, stage: str, seconds: float) -> None:
 
 
 def _watch(some: list[Job]) -> None:
-    """Show how far all jobs are until they are over."""
-    total = sum(len(job.steps) for job in some)
+    """Show how far all jobs are, by what they cost, until they are over."""
     form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
     interval = 1.0 if sys.stderr.isatty() else 10.0  # a file is not filled with bars
-    with tqdm(total=float(total), desc="study", bar_format=form, dynamic_ncols=True, mininterval=interval) as bar:
+    look = {"bar_format": form, "dynamic_ncols": True, "mininterval": interval, "smoothing": 0}
+    total = sum(sum(job.parts.values()) for job in some)
+    with tqdm(total=total, initial=sum(job.before for job in some), desc="study", **look) as bar:
         while True:
             over = all(job.is_over for job in some)
-            done, texts = 0.0, []
-            for job in some:
-                status = _read_status(job.status)
-                if job.is_over:
-                    done += len(job.steps)
-                elif status:
-                    finished = [i for i, step in enumerate(job.steps) if status["label"].startswith(step)]
-                    done += (finished or [len(job.steps) - 1])[0] + status["done"] / max(status["total"], 1)
-                    texts.append(f"{status['label']} {status['done']}/{status['total']} {status['text']}")
+            statuses = {job.label: _read_status(job.status) for job in some}
+            done = sum(_seconds_done(job, statuses[job.label]) for job in some)
+            running = [status for job in some if (status := statuses[job.label]) and not job.is_over]
+            texts = [f"{status['label']} {status['done']}/{status['total']} {status['text']}" for status in running]
             bar.set_postfix_str(" | ".join(texts), refresh=False)
             bar.update(done - bar.n)
             if over:
                 return
             time.sleep(SECONDS_BETWEEN_LOOKS)
+
+
+def _seconds_done(job: Job, status: dict | None) -> float:
+    """How much of what a job costs is done, given its last status."""
+    names = list(job.parts)
+    if job.is_over:
+        return sum(job.parts.values())
+    part = status["label"].split()[0] if status else None
+    if status is None or part not in job.parts:
+        return job.before
+    done = sum(job.parts[name] for name in names[: names.index(part)])
+    return done + job.parts[part] * status["done"] / max(status["total"], 1)
 
 
 def _read_status(path: Path) -> dict | None:

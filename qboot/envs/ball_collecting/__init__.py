@@ -1,14 +1,15 @@
 """Ball collecting (paper, section V): a mobile robot brings balls to a basket."""
 
-from qboot.envs.ball_collecting import defaults, domains, dynamics, expert, paper, view
+from qboot.envs.ball_collecting import defaults, dynamics, expert, paper, view
+from qboot.envs.ball_collecting import domains as arenas
 from qboot.envs.brax_env import TaskEnv
-from qboot.envs.task import Expert, Task, View
+from qboot.envs.task import Domain, Expert, Task, View
 
 TASK = Task(
     name="ball_collecting",
     sensors=dynamics.SENSORS,
     effectors=dynamics.EFFECTORS,
-    sources=tuple(domains.ARENAS),
+    sources=tuple(arenas.ARENAS),
     max_steps=10_000,
     rollouts_per_domain=1,
     max_score_per_domain=4,
@@ -16,8 +17,8 @@ TASK = Task(
     reset=dynamics.reset,
     step=dynamics.step,
     truncated=dynamics.truncated,
-    source_domains=domains.source_domains,
-    target_domains=domains.target_domains,
+    source_domains=arenas.source_domains,
+    target_domains=arenas.target_domains,
     position=dynamics.position,
     outcome=dynamics.outcome,
     trajectory_period=50,
@@ -30,19 +31,39 @@ TASK = Task(
 
 
 class BallCollecting(TaskEnv):
-    """Ball collecting as a Brax environment."""
+    """Ball collecting as a Brax environment, also `brax.envs.get_environment("qboot_ball_collecting")`.
 
-    def __init__(self, arena: str = "A", placement: int = 0):
-        """Choose the domain.
+    Example:
+        >>> import jax
+        >>> from qboot.envs import BallCollecting
+        >>> env = BallCollecting(domains="target", source="A")
+        >>> int(env.reset(jax.random.key(0)).info["domain"]) in range(6)
+        True
+    """
+
+    def __init__(
+        self,
+        arena: str = "A",
+        placement: int = 0,
+        *,
+        domains: Domain | str | None = None,
+        source: str | None = None,
+        action_range: tuple[float, float] = (0.0, 1.0),
+    ):
+        """Choose the domain, or the set that one is drawn from at each reset.
 
         Args:
             arena: "A", "B" or "C".
             placement: 0, 1 or 2, where robot, balls, switch and basket are.
+            domains: "source" or "target" set of a `source`; then arena and placement play no part.
+            source: "A", "B" or "C", the arena of the source set.
+            action_range: what actions lie in; scaled to commands in [0, 1], clipped outside, NaN is the middle.
 
         Raises:
-            ValueError: for an unknown arena or placement.
+            ValueError: for an unknown arena, placement, set or source, or what is no range.
         """
-        super().__init__(TASK, domains.arena(arena, placement))
+        domain = arenas.arena(arena, placement) if domains is None else None
+        super().__init__(TASK, domain, domains=domains, source=source, action_range=action_range)
 
 
 __all__ = ["TASK", "BallCollecting"]

@@ -3,8 +3,8 @@
 import functools
 
 from qboot.envs.box_pushing import (
+    arm,
     defaults,
-    domains,
     dynamics,
     expert,
     paper,
@@ -12,8 +12,9 @@ from qboot.envs.box_pushing import (
     physics_mjx,
     view,
 )
+from qboot.envs.box_pushing import domains as blocks
 from qboot.envs.brax_env import TaskEnv
-from qboot.envs.task import Expert, Task, View
+from qboot.envs.task import Domain, Expert, Task, View
 
 # What a step can be computed by, the physics of record first.
 PHYSICS = {"mjx": physics_mjx.move, "kinematic": physics_kinematic.move}
@@ -42,12 +43,13 @@ def on_physics(physics: str) -> Task:
         reset=dynamics.reset,
         step=functools.partial(dynamics.step, PHYSICS[physics]),
         truncated=dynamics.truncated,
-        source_domains=domains.source_domains,
-        target_domains=domains.target_domains,
+        source_domains=blocks.source_domains,
+        target_domains=blocks.target_domains,
         position=dynamics.position,
         outcome=dynamics.outcome,
         trajectory_period=10,
         lanes=LANES[physics],
+        dt=arm.TIME_STEP,
         physics=tuple(PHYSICS),
         on_physics=on_physics,
         expert=Expert(expert.actions, expert.CHOSEN_SENSORS),
@@ -61,21 +63,40 @@ TASK = on_physics("mjx")
 
 
 class BoxPushing(TaskEnv):
-    """Box pushing as a Brax environment."""
+    """Box pushing as a Brax environment, also `brax.envs.get_environment("qboot_box_pushing")`.
 
-    def __init__(self, size: int = 0, physics: str = "mjx"):
-        """Choose the block and the physics.
+    Example:
+        >>> import jax
+        >>> from qboot.envs import BoxPushing
+        >>> env = BoxPushing(size=4, physics="kinematic")
+        >>> env.reset(jax.random.key(0)).obs.shape
+        (13,)
+    """
+
+    def __init__(
+        self,
+        size: int = 0,
+        physics: str = "mjx",
+        *,
+        domains: Domain | str | None = None,
+        action_range: tuple[float, float] = (0.0, 1.0),
+    ):
+        """Choose the block, or the set that one is drawn from at each reset, and the physics.
 
         Args:
-            size: 0, 1 or 2, one of the source blocks.
+            size: 0, 1 or 2, one of the source blocks, or 3, 4 or 5, one of the target blocks.
             physics: "mjx" or "kinematic".
+            domains: "source" or "target" set; then the size plays no part.
+            action_range: what actions lie in; scaled to commands in [0, 1], clipped outside, NaN is the middle.
 
         Raises:
-            ValueError: for an unknown size or physics.
+            ValueError: for an unknown size, physics or set, or what is no range.
         """
-        if size not in range(len(domains.SOURCE_WIDTHS)):
-            raise ValueError(f"unknown block size {size!r}: choose 0, 1 or 2")
-        super().__init__(on_physics(physics), domains.block(domains.SOURCE_WIDTHS[size]))
+        widths = (*blocks.SOURCE_WIDTHS, *blocks.TARGET_WIDTHS)
+        if size not in range(len(widths)):
+            raise ValueError(f"unknown block size {size!r}: choose 0 to {len(widths) - 1}")
+        domain = blocks.block(widths[size]) if domains is None else None
+        super().__init__(on_physics(physics), domain, domains=domains, action_range=action_range)
         self.physics = physics
 
     @property

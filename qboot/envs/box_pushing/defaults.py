@@ -4,7 +4,7 @@ from qboot.extraction.actions import ActionSettings
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.pipeline.profiles import Defaults, Size, controls
+from qboot.study.pipeline.profiles import START, Costs, Defaults, Size, controls
 
 DEFAULTS = Defaults(
     sizes={
@@ -27,6 +27,7 @@ DEFAULTS = Defaults(
     actions=ActionSettings(n_actions=7, min_duration=1, max_duration=20, restarts=10),
     n_actions=(3, 5, 7, 15, 30),  # the paper plots a range without saying which
     random_durations=(2, 20),
+    usual_costs=Costs(START, 30.0, 12.0, 2.0e-6, 7e-6, 3e-6, 8e-11, 0.7),
 )
 
 

@@ -22,34 +22,38 @@ def steps_curve(cell: Run[CellSettings]) -> Curve:
     return moving_mean(Curve(*columns(cell, "qlearning.csv", "episode", "steps")), WINDOW)
 
 
-def performance(cell: Run[CellSettings], share: float = 1.0) -> float:
-    """Performance after a share of the episodes, in (0, 1]; at the end it is the paper's final performance."""
-    return _after(performance_curve(cell), share)
+def common_episodes(cells: dict[str, list[Run[CellSettings]]]) -> int:
+    """Episodes that all cells of an experiment had; one that serves another experiment too may have had more."""
+    return min(cell.settings.episodes for some in cells.values() for cell in some)
 
 
-def steps(cell: Run[CellSettings], share: float = 1.0) -> float:
-    """Steps of an episode after a share of the episodes."""
-    return _after(steps_curve(cell), share)
+def performance(cell: Run[CellSettings], episodes: int) -> float:
+    """Performance after some episodes; at the end it is the paper's final performance."""
+    return _after(performance_curve(cell), episodes)
 
 
-def average_performance(cell: Run[CellSettings]) -> float:
-    """Mean score over all episodes: how fast a cell learns (figure 19)."""
-    return float(source_curve(cell, "QL").scores.mean())
+def steps(cell: Run[CellSettings], episodes: int) -> float:
+    """Steps of an episode after some episodes."""
+    return _after(steps_curve(cell), episodes)
 
 
-def n_inputs(cell: Run[CellSettings], share: float = 1.0) -> float:
+def average_performance(cell: Run[CellSettings], episodes: int) -> float:
+    """Mean score over the first episodes: how fast a cell learns (figure 19)."""
+    return float(source_curve(cell, "QL").scores[:episodes].mean())
+
+
+def n_inputs(cell: Run[CellSettings], episodes: int) -> float:
     """Inputs of the Q-networks; they stay the same."""
     return float(read_selection(cell).sum())
 
 
-# By name, each a function of a cell and of the share of its episodes that has passed.
-CONTROL_MEASURES: dict[str, Callable[[Run[CellSettings], float], float]] = {
+# By name, each a function of a cell and of the episodes after which it is measured.
+CONTROL_MEASURES: dict[str, Callable[[Run[CellSettings], int], float]] = {
     "performance": performance,
     "steps of an episode": steps,
     "inputs": n_inputs,
 }
 
 
-def _after(curve: Curve, share: float) -> float:
-    episode = max(np.floor(share * curve.episodes[-1]), curve.episodes[0])
-    return float(on_grid(*curve, np.array([episode]))[0])
+def _after(curve: Curve, episodes: int) -> float:
+    return float(on_grid(*curve, np.array([max(episodes, curve.episodes[0])]))[0])

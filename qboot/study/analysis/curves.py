@@ -9,8 +9,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from qboot.study.store import files
-from qboot.study.store.artifacts import task_of
+from qboot.study.store.artifacts import read_columns, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import AnyRun, Run
 from qboot.study.store.settings import RunSettings
@@ -33,10 +32,10 @@ def columns(run: AnyRun, file: str, *names: str) -> list[np.ndarray]:
     Raises:
         RunError: if the file or a column is missing, or has no rows.
     """
-    found = files.read_csv(run.file(file))
+    found = read_columns(run, file)
     for name in names:
         if not found.get(name):
-            raise RunError(f"{run.file(file)} has no values {name!r}: delete it and run the stage that makes it again")
+            raise RunError(f"{run.file(file)} has no values {name!r}: it is not of this version")
     return [_parsed(found[name]) for name in names]
 
 

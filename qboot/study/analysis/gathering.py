@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 from qboot.study.analysis.curves import source_curve
+from qboot.study.store import provenance
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
@@ -35,7 +36,7 @@ def best_run(some: list[Run[RunSettings]], *needed: str) -> Run[RunSettings]:
     Raises:
         RunError: if none has them.
     """
-    ready = [run for run in some if all(run.file(name).exists() for name in needed)]
+    ready = [run for run in some if all(provenance.is_whole(run, name) for name in needed)]
     scores = gather(ready, best_score).found
     if not scores:
         raise RunError(f"no run has {' and '.join(('history.csv', *needed))}: run the stages")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,16 @@ from qboot.study.analysis.curves import (
     target_curve,
     top_score,
 )
-from qboot.study.analysis.statistics import episodes_to, on_grid
+from qboot.study.analysis.statistics import (
+    Quartiles,
+    median_interval,
+    on_grid,
+    quartiles,
+    time_interval,
+    times_to_goal,
+)
 from qboot.study.store import files
-from qboot.study.store.artifacts import read_actions, read_inputs, read_lineage
+from qboot.study.store.artifacts import lineage_length, read_actions, read_arrays, read_inputs
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -25,49 +32,68 @@ from qboot.study.store.settings import RunSettings
 WINDOW = 20
 
 
-class Sample(NamedTuple):
-    """A measure of one run, or of several."""
+class Summary(NamedTuple):
+    """A measure over runs."""
 
-    values: np.ndarray  # (n,), infinite where a goal was not reached
-    given: float = np.inf  # of a time: how long the run (or the shortest of them) went on
+    mean: float  # NaN for a time
+    quartiles: Quartiles[float]  # infinite where a goal was not reached
+    interval: tuple[float, float]  # 95 % bootstrap interval of the median
+    given: float = np.inf  # of a time: how long the shortest of the runs went on
+    not_reached: int | None = None  # of a time: runs that never reached the goal
 
-    @staticmethod
-    def join(samples: list["Sample"]) -> "Sample":
-        """The values of several runs."""
-        return Sample(np.concatenate([sample.values for sample in samples]), min(sample.given for sample in samples))
+
+class Climb(NamedTuple):
+    """A curve that is to reach a score."""
+
+    curve: Curve
+    top: float
 
 
 class Measure(NamedTuple):
     """How something is measured, and on which sizes of a study it depends."""
 
     unit: str
-    read: Callable[[Run[RunSettings]], Sample]
+    read: Callable[[Run[RunSettings]], Any]  # what one run has of it
     needs: tuple[str, ...]  # names of sizes (`qboot.study.analysis.sizes`)
+    over: Callable[[list[Any]], Summary]  # of what several runs have, at least one
 
 
-def time_to_top(curve: Curve, top: float) -> Sample:
-    """The first entry of a curve with the top score."""
-    return Sample(np.array([episodes_to(*curve, top)]), float(curve.episodes[-1]))
+def over_values(some: list[np.ndarray]) -> Summary:
+    """Over the values of all runs, (n,) each."""
+    values = np.concatenate(some)
+    lower, median, upper = map(float, quartiles(values))
+    return Summary(float(values.mean()), Quartiles(lower, median, upper), median_interval(values))
 
 
-def _one(value: float) -> Sample:
-    return Sample(np.array([value], float))
+def over_climbs(some: list[Climb]) -> Summary:
+    """Times at which the quartiles over runs reach the top score, as the paper has them: `statistics.times_to_goal`."""
+    given = min(float(climb.curve.episodes[-1]) for climb in some)
+    episodes = np.unique(np.concatenate([climb.curve.episodes for climb in some]))
+    episodes = episodes[episodes <= given]
+    with np.errstate(invalid="ignore"):  # before a run's first entry it has no score
+        has_it = np.array([on_grid(*climb.curve, episodes) >= climb.top for climb in some])
+    never = int((~has_it.any(axis=1)).sum())
+    return Summary(np.nan, times_to_goal(has_it, episodes), time_interval(has_it, episodes), given, never)
 
 
-def _generations_to_top(run: Run[RunSettings]) -> Sample:
+def _one(value: float) -> np.ndarray:
+    return np.array([value], float)
+
+
+def _generations_to_top(run: Run[RunSettings]) -> Climb:
     curve = Curve(*columns(run, "history.csv", "generation", "best"))
-    return time_to_top(curve, top_score(run, "source"))
+    return Climb(curve, top_score(run, "source"))
 
 
-def _source_time(run: Run[RunSettings]) -> Sample:
-    return time_to_top(source_curve(run, "QL"), top_score(run, "source"))
+def _source_time(run: Run[RunSettings]) -> Climb:
+    return Climb(source_curve(run, "QL"), top_score(run, "source"))
 
 
-def _target_time(method: str, run: Run[RunSettings]) -> Sample:
-    return time_to_top(target_curve(run, method), top_score(run, "target"))
+def _target_time(method: str, run: Run[RunSettings]) -> Climb:
+    return Climb(target_curve(run, method), top_score(run, "target"))
 
 
-def _target_score(method: str, run: Run[RunSettings]) -> Sample:
+def _target_score(method: str, run: Run[RunSettings]) -> np.ndarray:
     """Score when Q-learning ends: its level over the last episodes, or the best of ER's population by then."""
     learned = target_curve(run, "QL")
     if method == "QL":
@@ -77,38 +103,43 @@ def _target_score(method: str, run: Run[RunSettings]) -> Sample:
     return _one(0.0 if np.isnan(score) else score)
 
 
-def _extraction(name: str, run: Run[RunSettings]) -> Sample:
-    path = run.file("actions.npz")
-    return _one(float(files.pick(files.read_npz(path), name, path)))
+def _extraction(name: str, run: Run[RunSettings]) -> np.ndarray:
+    return _one(float(files.pick(read_arrays(run, "actions.npz"), name, run.file("actions.npz"))))
 
 
 _EVOLVING = ("population", "generations", "n_steps")
 _LEARNING = (*_EVOLVING, "horizon", "episodes")
 
+
+def _values(unit: str, read: Callable[[Run[RunSettings]], np.ndarray], needs: tuple[str, ...]) -> Measure:
+    return Measure(unit, read, needs, over_values)
+
+
+def _time(unit: str, read: Callable[[Run[RunSettings]], Climb], needs: tuple[str, ...]) -> Measure:
+    return Measure(unit, read, needs, over_climbs)
+
+
 RUN_MEASURES = {
-    "generations to the top score": Measure("generations", _generations_to_top, ("population", "n_steps")),
-    "best score of ER on the source set": Measure(
+    "generations to the top score": _time("generations", _generations_to_top, ("population", "n_steps")),
+    "best score of ER on the source set": _values(
         "score", lambda run: _one(source_curve(run, "ER").scores[-1]), _EVOLVING
     ),
-    "lineage of the best-of-run": Measure(
-        "individuals", lambda run: _one(len(read_lineage(run).ids)), ("generations", "horizon")
+    "lineage of the best-of-run": _values(
+        "individuals", lambda run: _one(lineage_length(run)), ("generations", "horizon")
     ),
-    "actions before clustering": Measure("segments", partial(_extraction, "n_segments"), (*_EVOLVING, "horizon")),
-    "actions after clustering": Measure("actions", lambda run: _one(len(read_actions(run).durations)), ()),
-    "duration of an action": Measure(
-        "steps", lambda run: Sample(np.array(read_actions(run).durations, float)), (*_EVOLVING, "horizon")
+    "actions before clustering": _values("segments", partial(_extraction, "n_segments"), (*_EVOLVING, "horizon")),
+    "duration of an action": _values(
+        "steps", lambda run: np.array(read_actions(run).durations, float), (*_EVOLVING, "horizon")
     ),
-    "distinct actions": Measure("actions", partial(_extraction, "n_distinct"), ()),
-    "inputs of the Q-networks": Measure("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
-    "Q-learning episodes to the top score, source": Measure("episodes", _source_time, (*_EVOLVING, "horizon")),
-    "generalisation of ER": Measure("score", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
-    "generalisation of Q-learning": Measure("score", lambda run: _one(generalisation(run, "QL")), _LEARNING),
-    "Q-learning episodes to the top score, target": Measure("episodes", partial(_target_time, "QL"), _LEARNING),
-    "ER episodes to the top score, target": Measure("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
-    "ER+transfer episodes to the top score, target": Measure(
-        "episodes", partial(_target_time, "ER+transfer"), _EVOLVING
-    ),
-    "score of Q-learning, target": Measure("score", partial(_target_score, "QL"), _LEARNING),
-    "score of ER at that time, target": Measure("score", partial(_target_score, "ER"), ("population", "n_steps")),
-    "score of ER+transfer at that time, target": Measure("score", partial(_target_score, "ER+transfer"), _EVOLVING),
+    "distinct actions": _values("actions", partial(_extraction, "n_distinct"), ()),
+    "inputs of the Q-networks": _values("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
+    "Q-learning episodes to the top score, source": _time("episodes", _source_time, (*_EVOLVING, "horizon")),
+    "generalisation of ER": _values("score", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
+    "generalisation of Q-learning": _values("score", lambda run: _one(generalisation(run, "QL")), _LEARNING),
+    "Q-learning episodes to the top score, target": _time("episodes", partial(_target_time, "QL"), _LEARNING),
+    "ER episodes to the top score, target": _time("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
+    "ER+transfer episodes to the top score, target": _time("episodes", partial(_target_time, "ER+transfer"), _EVOLVING),
+    "score of Q-learning, target": _values("score", partial(_target_score, "QL"), _LEARNING),
+    "score of ER at that time, target": _values("score", partial(_target_score, "ER"), ("population", "n_steps")),
+    "score of ER+transfer at that time, target": _values("score", partial(_target_score, "ER+transfer"), _EVOLVING),
 }

@@ -7,6 +7,8 @@ always the smaller number, so for times it is that of the faster runs.
 from collections.abc import Mapping
 from typing import NamedTuple
 
+GREATER, SAME = "greater", "same"
+
 
 class Result(NamedTuple):
     """One number of a paper over its runs."""
@@ -20,13 +22,15 @@ class Result(NamedTuple):
 
 
 class Conclusion(NamedTuple):
-    """A paper's claim that one measure is greater than another."""
+    """A paper's claim on two things: that the first is greater, or that they do not differ."""
 
     claim: str
     section: str
-    greater: str  # names in `qboot.study.analysis.measures.RUN_MEASURES`
-    smaller: str
+    first: str  # names in `qboot.study.analysis.measures.RUN_MEASURES`
+    second: str
     printed: str  # the paper's own test or numbers
+    relation: str = GREATER  # or SAME
+    reservation: str = ""  # why our numbers are no evidence on it; empty where they are
 
 
 class TestTable(NamedTuple):
@@ -39,12 +43,13 @@ class TestTable(NamedTuple):
     # Of two conditions: several where it is printed several times, none where there is no number, None without a paper.
     printed: Mapping[tuple[str, str], tuple[float, ...] | None]
     shares: tuple[float, ...] = (1.0,)  # of the episodes, after which ours is tested
+    reservations: Mapping[str, str] = {}  # by condition: why our numbers with it are no evidence
 
 
 class ControlConclusion(NamedTuple):
-    """A paper's claim that a measure is greater in one condition of a control experiment than in another."""
+    """A paper's claim on a measure in two conditions of a control experiment."""
 
-    conclusion: Conclusion  # greater and smaller are names of conditions
+    conclusion: Conclusion  # first and second are names of conditions
     what: str
     measure: str
 

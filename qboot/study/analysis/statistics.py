@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 RESAMPLES = 9_999
+TIME_RESAMPLES = 1_999  # each of them is a curve
 
 
 Values = TypeVar("Values", float, np.ndarray)
@@ -65,10 +66,32 @@ def median_and_quartiles(curves: Sequence[tuple[np.ndarray, np.ndarray]], grid: 
     return quartiles(np.array([on_grid(episodes, scores, grid) for episodes, scores in curves]))
 
 
-def episodes_to(episodes: np.ndarray, scores: np.ndarray, goal: float) -> float:
-    """The first of `episodes` (K,) whose score of `scores` (K,) is at least `goal`; infinite if there is none."""
-    reached = np.flatnonzero(np.asarray(scores) >= goal)
-    return float(episodes[reached[0]]) if len(reached) else np.inf
+def times_to_goal(has_it: np.ndarray, episodes: np.ndarray) -> Quartiles[float]:
+    """When the quartiles over runs of a score reach its top: the first episode in which enough runs have it at once.
+
+    Args:
+        has_it: (R, K) bool, whether a run has the top score in an episode; at least one run.
+        episodes: (K,) increasing.
+
+    Returns:
+        Times, the lower quartile being that of the faster runs; infinite where there are never enough.
+    """
+    counts = has_it.sum(axis=0)[None]
+    return Quartiles(*(float(_first_with(counts, episodes, _enough(len(has_it), q))[0]) for q in (0.75, 0.5, 0.25)))
+
+
+def time_interval(has_it: np.ndarray, episodes: np.ndarray, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
+    """Bootstrap interval (percentiles, over runs) of the median's time of `times_to_goal`; NaN for fewer than two."""
+    n = len(has_it)
+    if n < 2:
+        return np.nan, np.nan
+    useful = has_it.any(axis=0)
+    drawn = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=TIME_RESAMPLES).astype(np.float32)
+    # Rounded, for the counts are whole numbers and the product of floats need not be.
+    counts = np.rint(drawn @ has_it[:, useful].astype(np.float32))
+    times = _first_with(counts, episodes[useful], _enough(n, 0.5))
+    low, high = _quantiles(times, ((1 - level) / 2, (1 + level) / 2), 0)
+    return float(low), float(high)
 
 
 def mann_whitney(first: np.ndarray, second: np.ndarray) -> Comparison:
@@ -99,6 +122,27 @@ def median_interval(values: np.ndarray, level: float = 0.95, seed: int = 0) -> t
     return float(low), float(high)
 
 
+def difference_interval(
+    first: np.ndarray, second: np.ndarray, level: float = 0.9, seed: int = 0
+) -> tuple[float, float]:
+    """Bootstrap interval (percentiles) of median(first) - median(second); NaN if one has fewer than two values.
+
+    With a level of 0.9 it lies within a margin exactly when two one-sided tests at 5 % both reject a difference
+    beyond it.
+    """
+    first, second = np.asarray(first, float), np.asarray(second, float)
+    if min(len(first), len(second)) < 2:
+        return np.nan, np.nan
+
+    def difference(one: np.ndarray, other: np.ndarray, axis: int) -> np.ndarray:
+        return np.median(one, axis=axis) - np.median(other, axis=axis)
+
+    found = stats.bootstrap(
+        (first, second), difference, n_resamples=RESAMPLES, confidence_level=level, method="percentile", rng=seed
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
 def a12_interval(first: np.ndarray, second: np.ndarray, level: float = 0.95, seed: int = 0) -> tuple[float, float]:
     """Bootstrap confidence interval (percentiles) of A12 of samples (n,) and (m,); NaN if one has fewer than two."""
     first, second = np.asarray(first, float), np.asarray(second, float)
@@ -113,6 +157,19 @@ def a12_interval(first: np.ndarray, second: np.ndarray, level: float = 0.95, see
         (first, second), a12, n_resamples=RESAMPLES, confidence_level=level, method="percentile", rng=seed
     )
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
+def _enough(n: int, share: float) -> int:
+    """How many of n values must be the greatest possible for the quantile `share`, linear between two, to be it."""
+    return n - int(np.floor(share * (n - 1)))
+
+
+def _first_with(counts: np.ndarray, episodes: np.ndarray, enough: int) -> np.ndarray:
+    """The first of `episodes` (K,) with `enough` of the `counts` (B, K), (B,); infinite where there is none."""
+    if not len(episodes):
+        return np.full(len(counts), np.inf)
+    there = counts >= enough
+    return np.where(there.any(axis=1), np.asarray(episodes, float)[there.argmax(axis=1)], np.inf)
 
 
 def _quantiles(values: np.ndarray, shares: tuple[float, ...], axis: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Our numbers beside the paper's, and what follows, by rules that are stated in the report (`RULES`).
+"""Our numbers beside the paper's, and what follows, by `qboot.study.analysis.rules`.
 
 Where no paper tells of a task there are our numbers alone, and no verdicts.
 """
@@ -7,30 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.study.analysis import sizes
+from qboot.study.analysis import rules, sizes
+from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.gathering import gather
-from qboot.study.analysis.measures import RUN_MEASURES, Sample
-from qboot.study.analysis.printed import Conclusion, Result
-from qboot.study.analysis.statistics import Comparison, Quartiles, mann_whitney, median_interval, quartiles
+from qboot.study.analysis.measures import RUN_MEASURES, Summary
+from qboot.study.analysis.printed import SAME, Conclusion, Result
+from qboot.study.analysis.rules import CANNOT_TELL, NO_DATA, SAME_WITHIN, Verdict
+from qboot.study.analysis.statistics import Comparison, Quartiles, difference_interval, mann_whitney
 from qboot.study.store.artifacts import task_of
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
-AGREES, DIFFERS, NOT_COMPARABLE = "agrees", "differs", "not comparable at this size"
-NO_NUMBER, NO_DATA, NO_PAPER = "the paper prints no number", "not measured", "no paper tells of it"
-MIN_RUNS = 5
-SIGNIFICANCE = 0.05
-
-RULES = (
-    f"A number is compared when at least {MIN_RUNS} runs have it and the sizes that it depends on are at least the "
-    "paper's. It agrees when the paper's value lies between our quartiles and, where the paper prints quartiles, "
-    "our value lies between those too; otherwise it differs.",
-    "A run that did not reach a score counts as infinitely late. When our median run did not reach it, and the runs "
-    "were given less time than the paper's took, the number is not comparable.",
-    f"A conclusion is about an order, so it needs full populations and full rollouts, at least {MIN_RUNS} runs, and "
-    "some score above zero. It agrees when the Mann-Whitney test finds that order "
-    f"(A12 > 0.5, p < {SIGNIFICANCE}); otherwise it differs.",
-)
 # An order of two methods can show in shorter runs too, but not with other populations or rollouts.
 _NEEDED_FOR_ORDER = ("population", "n_steps")
 
@@ -46,7 +33,7 @@ class Row(NamedTuple):
     quartiles: Quartiles[float]
     interval: tuple[float, float]  # 95 % bootstrap interval of the median
     not_reached: int | None  # runs that did not reach the goal; None when it is no time
-    verdict: str
+    verdict: Verdict
     missing: list[str]  # why runs have no such number
 
     @property
@@ -60,9 +47,10 @@ class Finding(NamedTuple):
 
     conclusion: Conclusion
     n_runs: int
-    medians: tuple[float, float]  # of the greater and of the smaller; NaN when nothing was measured
+    medians: tuple[float, float]  # of the first and of the second; NaN when nothing was measured
     comparison: Comparison
-    verdict: str
+    interval: tuple[float, float]  # 90 % bootstrap interval of the difference of the medians
+    verdict: Verdict
 
 
 def rows(some: list[Run[RunSettings]]) -> list[Row]:
@@ -83,38 +71,41 @@ def findings(some: list[Run[RunSettings]]) -> list[Finding]:
     return [_finding(conclusion, some) for conclusion in task.paper().conclusions] if task.paper else []
 
 
-def judge(result: Result | None, sample: Sample, n_runs: int, has_sizes: bool) -> str:
-    """The verdict on a number, by the first two of `RULES`."""
-    if not n_runs:
-        return NO_DATA
-    if result is None:
-        return NO_PAPER
-    if result.value is None:
-        return NO_NUMBER
-    ours = quartiles(sample.values)
-    value = _central(result.statistic, sample)
-    too_short = np.isinf(value) and sample.given < result.value
-    if n_runs < MIN_RUNS or not has_sizes or too_short:
-        return NOT_COMPARABLE
-    low = -np.inf if result.lower is None else result.lower
-    high = np.inf if result.upper is None else result.upper
-    agrees = ours.lower <= result.value <= ours.upper and low <= value <= high
-    return AGREES if agrees else DIFFERS
+def found_on(
+    conclusion: Conclusion, first: np.ndarray, second: np.ndarray, top: float, best: float, shortfall: str
+) -> Finding:
+    """A conclusion tested on two samples.
+
+    Args:
+        conclusion: the paper's.
+        first: (n,) values of what the paper says is the greater, or the same.
+        second: (m,) values of the other.
+        top: the top score.
+        best: the greatest score of any run.
+        shortfall: as for `rules.judge_number`.
+    """
+    n = min(len(first), len(second))
+    if not n:
+        return Finding(conclusion, 0, (np.nan, np.nan), Comparison(np.nan, np.nan), (np.nan, np.nan), NO_DATA)
+    comparison, interval = mann_whitney(first, second), difference_interval(first, second)
+    if conclusion.reservation:
+        verdict = Verdict(CANNOT_TELL, conclusion.reservation)
+    elif conclusion.relation == SAME:
+        verdict = rules.judge_same(comparison, interval, SAME_WITHIN * top, best, n, shortfall)
+    else:
+        verdict = rules.judge_order(comparison, best, n, shortfall)
+    medians = float(np.median(first)), float(np.median(second))
+    return Finding(conclusion, n, medians, comparison, interval, verdict)
 
 
-def judge_order(comparison: Comparison, top: float, n_runs: int, has_sizes: bool) -> str:
-    """The verdict on a conclusion, by the last of `RULES`; `top` is the greatest score that any run had."""
-    if not n_runs:
-        return NO_DATA
-    if n_runs < MIN_RUNS or not has_sizes or top <= 0:
-        return NOT_COMPARABLE
-    return AGREES if comparison.a12 > 0.5 and comparison.p_value < SIGNIFICANCE else DIFFERS
-
-
-def has_sizes(some: list[Run[RunSettings]], needs: tuple[str, ...]) -> bool:
-    """Whether all runs (at least one, of one task) are at least as large as the paper's in all that is named."""
+def shortfall(some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
+    """In which of the sizes named some runs (at least one, of one task) are smaller than the paper's, in words."""
     needed = sizes.of_paper(task_of(some[0]))
-    return bool(needed) and all(sizes.of_run(run)[name] >= needed[name] for run in some for name in needs)
+    if not needed:
+        return "no paper tells of it"
+    smallest = {name: min(sizes.of_run(run)[name] for run in some) for name in needs}
+    short = [f"{sizes.LABELS[name]}: {n:,} of {needed[name]:,}" for name, n in smallest.items() if n < needed[name]]
+    return "; ".join(short)
 
 
 def _row(name: str, printed: Result | None, some: list[Run[RunSettings]]) -> Row:
@@ -124,33 +115,28 @@ def _row(name: str, printed: Result | None, some: list[Run[RunSettings]]) -> Row
     if not found:
         nothing = Quartiles(np.nan, np.nan, np.nan)
         return Row(name, printed, measure.unit, 0, np.nan, nothing, (np.nan, np.nan), None, NO_DATA, missing)
-    sample = Sample.join(found)
+    summary: Summary = measure.over(found)
+    value = summary.mean if printed and printed.statistic == "mean" else summary.quartiles.median
     return Row(
         measure=name,
         printed=printed,
         unit=measure.unit,
         n_runs=len(found),
-        value=_central(printed.statistic if printed else "median", sample),
-        quartiles=Quartiles(*map(float, quartiles(sample.values))),
-        interval=median_interval(sample.values),
-        not_reached=int(np.isinf(sample.values).sum()) if np.isfinite(sample.given) else None,
-        verdict=judge(printed, sample, len(found), has_sizes(some, measure.needs)),
+        value=value,
+        quartiles=summary.quartiles,
+        interval=summary.interval,
+        not_reached=summary.not_reached,
+        verdict=rules.judge_number(
+            printed, value, summary.quartiles, len(found), summary.given, shortfall(some, measure.needs)
+        ),
         missing=missing,
     )
 
 
 def _finding(conclusion: Conclusion, some: list[Run[RunSettings]]) -> Finding:
-    sides = conclusion.greater, conclusion.smaller
-    greater, smaller = (gather(some, RUN_MEASURES[name].read).found for name in sides)
-    both = [run for run in greater if run in smaller]
-    if not both:
-        return Finding(conclusion, 0, (np.nan, np.nan), Comparison(np.nan, np.nan), NO_DATA)
-    first, second = (np.concatenate([of[run].values for run in both]) for of in (greater, smaller))
-    comparison = mann_whitney(first, second)
-    top = float(max(first.max(), second.max()))
-    verdict = judge_order(comparison, top, len(both), has_sizes(some, _NEEDED_FOR_ORDER))
-    return Finding(conclusion, len(both), (float(np.median(first)), float(np.median(second))), comparison, verdict)
-
-
-def _central(statistic: str, sample: Sample) -> float:
-    return float(np.mean(sample.values) if statistic == "mean" else np.median(sample.values))
+    sides = conclusion.first, conclusion.second
+    one, other = (gather(some, RUN_MEASURES[name].read).found for name in sides)
+    both = [run for run in one if run in other]
+    first, second = (np.array([of[run] for run in both], float).reshape(-1) for of in (one, other))
+    best = float(max([*first, *second], default=0.0))
+    return found_on(conclusion, first, second, top_score(some[0], "target"), best, shortfall(some, _NEEDED_FOR_ORDER))

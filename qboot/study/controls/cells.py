@@ -1,18 +1,27 @@
-"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study."""
+"""The cells of the control experiments as folders, `ablations/TASK/EXPERIMENT/CONDITION/SEED` of a study.
+
+A condition that several experiments have has its cells in the folder of the first of them (`conditions.places`).
+"""
 
 import functools
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
+from qboot.envs.task import Task
 from qboot.extraction.segmentation import Segments
-from qboot.study.controls.conditions import Evolved, conditions
+from qboot.study.controls.conditions import LAGS, Evolved, Place, conditions, is_shared, places
 from qboot.study.pipeline import extracting
-from qboot.study.store import files, runs
+from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import EQUIP, EXTRACT, LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
 
+# What a finished cell holds.
+FILES = (*EQUIP.makes, *LEARN_CELL.makes)
 Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
 
 
@@ -25,30 +34,37 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
         what: the experiment.
         profile: name of the profile, to be kept with the cells.
         n_runs: cells per condition, >= 1.
-        n_episodes: of Q-learning, >= 1.
+        n_episodes: of Q-learning, >= 1. A cell that serves another experiment too may have begun with more.
         lanes: learners side by side in a program, >= 1.
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings.
+        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings, or
+            for fewer episodes.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
             raise ValueError(f"{name} is {value}: at least 1 is needed")
     task = get_task(task_name)
-    names = conditions(task, what)
     evolved = _evolved(study, task.name)
-    cells = {}
-    for condition in names:
+    by_name = {run.folder.name: run for run in evolved}
+    planned = {}
+    for condition, place in places(task, what).items():
         for seed in range(n_runs):
-            folder = folder_of(study, task.name, what) / condition / str(seed)
+            folder = _folder(study, task.name, place) / str(seed)
+            known = _known(folder)
             # A cell stays with its evolved run when there are more of them later.
-            known = runs.load(folder, CellSettings).settings.evolved if (folder / "config.json").exists() else None
-            by_name = {run.folder.name: run for run in evolved}
-            if known is not None and known not in by_name:
-                raise RunError(f"{folder} was begun from the run {known}, which is gone: make it again, or delete both")
-            run = by_name[known] if known else evolved[seed % len(evolved)]
+            if known and known.evolved not in by_name:
+                raise RunError(
+                    f"{folder} was begun from the run {known.evolved}, which is gone: make it again, or delete both"
+                )
+            run = by_name[known.evolved] if known else evolved[seed % len(evolved)]
             actions = run.settings.actions
+            if what == "n_actions" and place.what != what and actions.n_actions != int(condition):
+                raise RunError(
+                    f"{run.folder} has {actions.n_actions} extracted actions and not the task's {condition}, which the "
+                    "others are compared with: use a study with the task's own number"
+                )
             settings = CellSettings(
                 task=canonical(task_name),
                 source=run.settings.source,
@@ -56,38 +72,95 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 seed=seed,
                 profile=profile,
                 n_steps=run.settings.n_steps,
-                what=what,
-                condition=condition,
+                what=place.what,
+                condition=place.condition,
                 evolved=run.folder.name,
-                actions=replace(actions, n_actions=int(condition)) if what == "n_actions" else actions,
+                actions=replace(actions, n_actions=int(condition)) if place.what == "n_actions" else actions,
                 learner=run.settings.learner,
-                episodes=n_episodes,
+                episodes=_episodes(known, n_episodes, is_shared(task, place)),
                 lanes=lanes,
             )
-            cells[runs.create(folder, settings)] = run
-    return cells
+            _check_lags(settings, task)
+            planned[folder] = settings, run
+    return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+
+
+def _check_lags(settings: CellSettings, task: Task) -> None:
+    """Refuse a learner that remembers less than inputs of the experiment need."""
+    needed = LAGS if settings.what == "sensors" else 0
+    if task.expert:
+        needed = max(needed, len(task.expert.sensors))
+    if needed > settings.learner.lags:
+        raise ValueError(
+            f"the experiment {settings.what} has inputs of {needed} past steps, but {settings.evolved} was begun with "
+            f"learner.lags = {settings.learner.lags}: begin a run with --learner.lags {needed}"
+        )
 
 
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
-    """The finished cells of an experiment by condition; conditions without any are left out."""
-    found = {}
-    for condition in conditions(get_task(task_name), what):
-        folders = (folder_of(study, get_task(task_name).name, what) / condition).glob("*/qlearning.csv")
-        by_seed = sorted(folders, key=lambda path: int(path.parent.name))
-        if by_seed:
-            found[condition] = [runs.load(path.parent, CellSettings) for path in by_seed]
-    return found
+    """The finished cells of an experiment by condition; conditions without any are left out.
+
+    Where there are only cells that belong to another experiment too, the experiment was not done.
+    """
+    found: dict[str, list[Run[CellSettings]]] = {}
+    for condition, cell in _begun(study, task_name, what):
+        if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
+            found.setdefault(condition, []).append(cell)
+    is_done = any(cell.settings.what == what for some in found.values() for cell in some)
+    return found if is_done else {}
+
+
+def faults(study: Path, task_name: str, what: str) -> list[str]:
+    """Why cells of an experiment that were begun are not among the finished ones, a line each."""
+    words = []
+    for _, cell in _begun(study, task_name, what):
+        try:
+            if isinstance(cell, str):
+                words.append(cell)
+            else:
+                provenance.require(cell, *FILES)
+        except RunError as error:
+            words.append(str(error))
+    return words
+
+
+def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[CellSettings] | str]]:
+    """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
+    task = get_task(task_name)
+    for condition, place in places(task, what).items():
+        configs = _folder(study, task.name, place).glob("*/config.json")
+        by_seed = (path.parent for path in configs if path.parent.name.isdecimal())
+        for folder in sorted(by_seed, key=lambda folder: int(folder.name)):
+            try:
+                yield condition, runs.load(folder, CellSettings)
+            except RunError as error:
+                yield condition, str(error)
+
+
+def _known(folder: Path) -> CellSettings | None:
+    """The settings of a cell that was begun; None for a new one. What cannot be read is set aside."""
+    config = folder / "config.json"
+    if not config.exists():
+        return None
+    try:
+        return runs.load(folder, CellSettings).settings
+    except runs.Damaged:
+        files.set_aside(config, "is damaged")
+        return None
 
 
 def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
     """Write what a cell learns with: actions.npz and sensors.npz, as the stage extract does for a run."""
-    if cell.file("actions.npz").exists() and cell.file("sensors.npz").exists():
+    provenance.record_evolved(cell, evolved)
+    output = Output(cell, EQUIP)
+    if all(output.has(name) for name in EQUIP.makes):
         return
+    provenance.set_aside_faulty(cell, EQUIP)
     settings = cell.settings
     condition = conditions(get_task(settings.task), settings.what)[settings.condition]
     origin = Evolved(evolved, lambda: _segments(evolved))
-    files.write_npz(cell.file("actions.npz"), files.to_arrays(condition.actions(settings, origin)))
-    files.write_npz(cell.file("sensors.npz"), {"selected": condition.sensors(settings, origin)})
+    output.write_npz("actions.npz", files.to_arrays(condition.actions(settings, origin)))
+    output.write_npz("sensors.npz", {"selected": condition.sensors(settings, origin)})
 
 
 def folder_of(study: Path, task: str, what: str) -> Path:
@@ -95,13 +168,23 @@ def folder_of(study: Path, task: str, what: str) -> Path:
     return study / "ablations" / task / what
 
 
+def _folder(study: Path, task: str, place: Place) -> Path:
+    return folder_of(study, task, place.what) / place.condition
+
+
+def _episodes(known: CellSettings | None, wanted: int, is_shared: bool) -> int:
+    """Episodes of a cell: as many as are wanted, or more where another experiment needs them."""
+    return max(known.episodes, wanted) if known and is_shared else wanted
+
+
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     """Runs that actions and sensors were extracted from, the sources in turn."""
-    ready = [run for run in runs.find(study) if run.task_name == task and run.file("sensors.npz").exists()]
+    known = [run for run in runs.find(study) if run.task_name == task]
+    ready = [run for run in known if all(provenance.is_whole(run, name) for name in EXTRACT.makes)]
     if not ready:
         raise RunError(
             f"{study} has no run of {task} with extracted actions and sensors: "
-            "make some with `qboot reproduce`, or with `qboot evolve` and `qboot extract`"
+            f"make one with `qboot evolve --task TASK --out {study / task}/A-0` and `qboot extract` there"
         )
     return sorted(ready, key=lambda run: (run.settings.seed, run.settings.source))
 

@@ -5,6 +5,7 @@ and whose extracted actions or sensors it may use. Adding a condition is adding 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,13 @@ class Condition(NamedTuple):
     sensors: Callable[[CellSettings, Evolved], np.ndarray]  # (lags, S) bool
 
 
+class Place(NamedTuple):
+    """Where a condition is at home: the first experiment that has it, and its name there."""
+
+    what: str
+    condition: str
+
+
 def conditions(task: Task, what: str) -> dict[str, Condition]:
     """The conditions of an experiment by name, in the paper's order.
 
@@ -48,9 +56,36 @@ def conditions(task: Task, what: str) -> dict[str, Condition]:
     Raises:
         ValueError: for an unknown experiment.
     """
+    found = _tables(task)
+    if what not in found:
+        raise ValueError(f"unknown experiment {what!r}: choose one of {', '.join(found)}")
+    return found[what]
+
+
+def places(task: Task, what: str) -> dict[str, Place]:
+    """Where each condition of an experiment is at home.
+
+    Experiments have conditions in common: what a human designed, all of it, stands in two of them, and so do the
+    extracted actions in their own number. The same learners serve both.
+    """
+    tables = _tables(task)
+    homes: dict[tuple[Callable, Callable], Place] = {}
+    for each, table in tables.items():
+        for name, condition in table.items():
+            homes.setdefault((condition.actions, condition.sensors), Place(each, name))
+    return {name: homes[condition.actions, condition.sensors] for name, condition in tables[what].items()}
+
+
+def is_shared(task: Task, place: Place) -> bool:
+    """Whether several experiments have the condition that is at home there."""
+    return sum(place in places(task, what).values() for what in WHATS) > 1
+
+
+def _tables(task: Task) -> dict[str, dict[str, Condition]]:
     expert = task.expert
     sensors = human_sensors(expert, task) if expert else selected_sensors
     actions = human_actions(expert) if expert else extracted_actions
+    defaults = defaults_of(task)
     tables: dict[str, dict[str, Condition | None]] = {
         "actions": {
             "extracted": Condition("extracted from the traces of an evolved run", extracted_actions, sensors),
@@ -65,12 +100,18 @@ def conditions(task: Task, what: str) -> dict[str, Condition]:
             "random+": Condition("drawn at random, as many as selected", actions, as_many_random_sensors),
         },
         "n_actions": {
-            str(n): Condition(f"{n} extracted actions", clustered_actions, sensors) for n in defaults_of(task).n_actions
+            str(n): Condition(
+                f"{n} extracted actions",
+                extracted_actions if n == defaults.actions.n_actions else in_clusters(n),
+                sensors,
+            )
+            for n in defaults.n_actions
         },
     }
-    if what not in tables:
-        raise ValueError(f"unknown experiment {what!r}: choose one of {', '.join(tables)}")
-    return {name: condition for name, condition in tables[what].items() if condition is not None}
+    return {
+        what: {name: condition for name, condition in table.items() if condition is not None}
+        for what, table in tables.items()
+    }
 
 
 def human_actions(expert: Expert) -> Callable[[CellSettings, Evolved], ActionSet]:
@@ -90,9 +131,11 @@ def random_actions(cell: CellSettings, evolved: Evolved) -> ActionSet:
     return baselines.random_actions(cell.seed, cell.actions.n_actions, len(task.effectors), durations)
 
 
-def clustered_actions(cell: CellSettings, evolved: Evolved) -> ActionSet:
-    """The evolved run's segments in another number of clusters."""
-    return cluster_actions(evolved.segments(), cell.actions, evolved.run.settings.seed)[0]
+def in_clusters(n: int) -> Callable[[CellSettings, Evolved], ActionSet]:
+    """The evolved run's segments in `n` clusters."""
+    return lambda cell, evolved: cluster_actions(
+        evolved.segments(), replace(cell.actions, n_actions=n), evolved.run.settings.seed
+    )[0]
 
 
 def instant_sensors(cell: CellSettings, evolved: Evolved) -> np.ndarray:

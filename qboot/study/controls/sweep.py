@@ -4,8 +4,10 @@ Cells that are as far as each other run together. Each keeps its own checkpoint 
 interrupted, deleted and made again one by one.
 """
 
+import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -13,17 +15,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot import qlearning
+from qboot.envs.registry import get_task
 from qboot.keys import key
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
+from qboot.study.controls.conditions import Place, is_shared
 from qboot.study.pipeline import learning, loop
-from qboot.study.pipeline.learning import Learning
+from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
-from qboot.study.store import files
+from qboot.study.store import files, lock, provenance
 from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
+from qboot.study.store.output import Output
+from qboot.study.store.recipes import LEARN_CELL
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings
 
@@ -32,13 +38,14 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise.
 LANES = 5
+CHECKPOINT = "learn.checkpoint.npz"
 
 learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
 """`qlearning.learn` for stacked states and problems (leading axis)."""
 
 
 class Padded(NamedTuple):
-    """What all cells of an experiment are padded to."""
+    """What cells that learn in one program are padded to."""
 
     n_actions: int
     n_inputs: int
@@ -58,29 +65,59 @@ def learn_cells(cells: Cells, workers: int) -> None:
     Args:
         cells: all cells of one experiment, and the evolved run of each.
         workers: programs at a time, >= 1; they do not change results.
+
+    Raises:
+        Diverged: if learners diverged, when the others are done.
+        RunError: if another process learns in these cells.
     """
-    first = next(iter(cells)).settings
+    # Cells that are done may be read by others at the same time.
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    with contextlib.ExitStack() as stack:
+        for folder in sorted({cell.folder.parents[1] for cell in pending}):
+            stack.enter_context(lock.owned(folder))
+        _learn_cells(cells, workers)
+
+
+def _learn_cells(cells: Cells, workers: int) -> None:
     for cell, evolved in cells.items():
         folders.equip(cell, evolved)
-    padded = padded_to(list(cells))
-    pending = [cell for cell in cells if not cell.file("qlearning.csv").exists()]
-    started = {cell: _begin(cell, padded) for cell in pending}
-    done = {cell: first.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
-    total = len(cells) * first.episodes
-    label = f"ablate {next(iter(cells)).task_name} {first.what}"
+    shapes = shapes_of(list(cells))
+    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    for cell in pending:
+        provenance.set_aside_faulty(cell, LEARN_CELL)
+    started = {cell: _begin(cell, shapes[cell]) for cell in pending}
+    done = {cell: cell.settings.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
+    total = sum(cell.settings.episodes for cell in cells)
+    first = next(iter(cells))
+    label = f"ablate {first.task_name} {first.settings.what}"
     with Progress(label, "episode", total, sum(done.values())) as progress:
 
         def report(some: list[Cell], episode: int) -> None:
             done.update(dict.fromkeys(some, episode))
-            progress.update(sum(done.values()), cells=f"{sum(n == first.episodes for n in done.values())}/{len(done)}")
+            progress.update(
+                sum(done.values()), cells=f"{sum(n == cell.settings.episodes for cell, n in done.items())}/{len(done)}"
+            )
 
-        blocks = _blocks(started, first.lanes)
+        blocks = _blocks(started, shapes, first.settings.lanes)
         with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda block: _learn_block(block, padded, report), blocks))
+            diverged = list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
+    if words := [line for lines in diverged for line in lines]:
+        raise Diverged("; ".join(words))
+
+
+def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
+    """What each cell of an experiment is padded to: with those of its condition alone where another experiment has it
+    too, so that a cell does not depend on which of them it was made for; with all the others else.
+    """
+    groups: dict[str, list[Cell]] = {}
+    for cell in cells:
+        place = Place(cell.settings.what, cell.settings.condition)
+        groups.setdefault(place.condition if is_shared(get_task(cell.settings.task), place) else "", []).append(cell)
+    return {cell: padded for group in groups.values() for padded in [padded_to(group)] for cell in group}
 
 
 def padded_to(cells: list[Cell]) -> Padded:
-    """The smallest shape that all cells fit into."""
+    """The smallest shape that some cells fit into."""
     sets = [read_actions(cell) for cell in cells]
     shortest = min(int(actions.durations.min()) for actions in sets)
     return Padded(
@@ -107,22 +144,22 @@ def key_of_cell(cell: Cell) -> jax.Array:
     return key(key_of(cell, "learning"), f"{cell.settings.what} {cell.settings.condition}")
 
 
-def _blocks(started: dict[Cell, Learning], lanes: int) -> list[dict[Cell, Learning]]:
-    """Cells that have done equally many episodes, at most `lanes` together."""
-    by_episode: dict[int, list[Cell]] = {}
+def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Padded], lanes: int) -> list[dict[Cell, Learning]]:
+    """Cells of one shape that have done equally many of as many episodes, at most `lanes` together."""
+    alike: dict[tuple, list[Cell]] = {}
     for cell, begun in started.items():
-        by_episode.setdefault(begun.episodes, []).append(cell)
-    groups = [some[i : i + lanes] for some in by_episode.values() for i in range(0, len(some), lanes)]
+        alike.setdefault((shapes[cell], begun.episodes, cell.settings.episodes), []).append(cell)
+    groups = [some[i : i + lanes] for some in alike.values() for i in range(0, len(some), lanes)]
     return [{cell: started[cell] for cell in group} for group in groups]
 
 
 def _begin(cell: Cell, padded: Padded) -> Learning:
     state = qlearning.init(key_of_cell(cell), problem_of(cell, padded), padded.capacity)
-    return learning.begin(state, cell.file("learn.checkpoint.npz"))
+    return Output(cell, LEARN_CELL).restored(CHECKPOINT, partial(learning.restored, state)) or learning.begin(state)
 
 
-def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> None:
-    """Learn in a block of cells, side by side, to their ends."""
+def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> list[str]:
+    """Learn in a block of cells, side by side, to their ends; a line for each that diverged, others go on."""
     cells = list(begun)
     settings = cells[0].settings
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
@@ -140,7 +177,8 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
 
     def save(block: Block) -> None:
         for cell, each in zip(cells, block.learners, strict=True):
-            learning.save(each, cell.file("learn.checkpoint.npz"))
+            if not learning.divergence(each, settings.learner):
+                Output(cell, LEARN_CELL).save(CHECKPOINT, learning.saved(each))
 
     work = Work(
         total=settings.episodes,
@@ -150,9 +188,16 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
         report=lambda block: report(cells, block.learners[0].episodes),
     )
     end = loop.advance(work, start)
+    diverged = []
     for cell, each in zip(cells, end.learners, strict=True):
-        files.write_csv(cell.file("qlearning.csv"), each.history)
-        cell.file("learn.checkpoint.npz").unlink(missing_ok=True)
+        output = Output(cell, LEARN_CELL)
+        if words := learning.divergence(each, settings.learner):
+            learning.keep_diverged(output, "qlearning.csv", each)
+            diverged.append(f"{cell.folder}: {words}")
+        else:
+            output.write_csv("qlearning.csv", each.history)
+            files.remove(cell.file(CHECKPOINT))
+    return diverged
 
 
 def _stack(trees: list[Tree]) -> Tree:

@@ -126,7 +126,7 @@ def command(number: int, arguments: list[str] | None = None) -> int:
             drawn = draw_control(name, options.results, options.task or _with_cells(options.results, name))
         else:
             drawn = draw(name, _of_task(task, options.results))
-        files.write(options.out, lambda stream: stream.write(as_png(drawn.figure)))
+        files.write(options.out, as_png(drawn.figure))
     except (RunError, ValueError) as error:
         print(f"figure {number}: {error}", file=sys.stderr)
         return 2

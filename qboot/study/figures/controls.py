@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from qboot.envs.scene import BLUE, GREEN, GREY, ORANGE, RED, VIOLET
 from qboot.study.analysis.control_measures import (
     average_performance,
+    common_episodes,
     n_inputs,
     performance,
     performance_curve,
@@ -48,13 +49,15 @@ def learning_by_actions(cells: Cells) -> Drawn:
 def performance_by_sensors(cells: Cells) -> Drawn:
     """Final performance, and the number of inputs below it, with each choice of sensors."""
     figure, axes = new_figure(2, 1, 7.5, 6.0, sharex=True)
+    episodes = common_episodes(cells)
     _draw_boxes(axes[0, 0], cells, performance)
     _score_axis(axes[0, 0], cells, "final performance")
     _draw_boxes(axes[1, 0], cells, n_inputs)
     axes[1, 0].set(ylabel="inputs of the Q-networks", ylim=(0, None))
     axes[1, 0].set_xticks(range(1, len(cells) + 1), list(cells))
     ends = "; ".join(
-        f"{name} {np.median(_values(some, performance)):.3g} with {np.median(_values(some, n_inputs)):.0f} inputs"
+        f"{name} {np.median(_values(some, performance, episodes)):.3g} with "
+        f"{np.median(_values(some, n_inputs, episodes)):.0f} inputs"
         for name, some in cells.items()
     )
     return Drawn(figure, f"Medians: {ends}. A dot is a learner.", _labels(cells))
@@ -63,11 +66,11 @@ def performance_by_sensors(cells: Cells) -> Drawn:
 def performance_by_n_actions(cells: Cells) -> Drawn:
     """Final and average performance against the number of actions."""
     figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
-    numbers = [int(name) for name in cells]
+    numbers, episodes = [int(name) for name in cells], common_episodes(cells)
     for (label, measure), colour in zip(
         (("final performance", performance), ("average performance", average_performance)), (RED, BLUE), strict=True
     ):
-        found = [quartiles(_values(some, measure)) for some in cells.values()]
+        found = [quartiles(_values(some, measure, episodes)) for some in cells.values()]
         axes.plot(numbers, [each.median for each in found], "o-", color=colour, markersize=4, label=label)
         bounds = [each.lower for each in found], [each.upper for each in found]
         axes.fill_between(numbers, *bounds, color=colour, alpha=0.2, linewidth=0)
@@ -75,8 +78,8 @@ def performance_by_n_actions(cells: Cells) -> Drawn:
     axes.set(xlabel="number of actions", xticks=numbers)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
     ends = "; ".join(
-        f"{name} actions {np.median(_values(some, performance)):.3g} "
-        f"(average {np.median(_values(some, average_performance)):.3g})"
+        f"{name} actions {np.median(_values(some, performance, episodes)):.3g} "
+        f"(average {np.median(_values(some, average_performance, episodes)):.3g})"
         for name, some in cells.items()
     )
     return Drawn(figure, f"Median of the final performance: {ends}. Bands are quartiles.", _labels(cells))
@@ -95,8 +98,8 @@ def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run[CellSettings]], C
     return medians
 
 
-def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run[CellSettings]], float]) -> None:
-    values = [_values(some, measure) for some in cells.values()]
+def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run[CellSettings], int], float]) -> None:
+    values = [_values(some, measure, common_episodes(cells)) for some in cells.values()]
     boxes = axes.boxplot(values, widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"})
     for place, (box, colour) in enumerate(zip(boxes["boxes"], itertools.cycle(COLOURS), strict=False), start=1):
         box.set(facecolor=colour, alpha=0.35)
@@ -123,8 +126,10 @@ def _first(cells: Cells) -> Run[CellSettings]:
     return next(iter(cells.values()))[0]
 
 
-def _values(some: list[Run[CellSettings]], measure: Callable[[Run[CellSettings]], float]) -> np.ndarray:
-    return np.array([measure(cell) for cell in some])
+def _values(
+    some: list[Run[CellSettings]], measure: Callable[[Run[CellSettings], int], float], episodes: int
+) -> np.ndarray:
+    return np.array([measure(cell, episodes) for cell in some])
 
 
 def _labels(cells: Cells) -> list[str]:

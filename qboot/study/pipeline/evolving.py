@@ -1,5 +1,6 @@
 """The stage evolve, and neuro-evolution wherever a run needs it."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files
 from qboot.study.store.artifacts import key_of, task_of
+from qboot.study.store.output import Output
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -26,13 +28,13 @@ class Evolving(NamedTuple):
     history: dict[str, list]  # columns of history.csv
 
 
-def evolve_stage(run: Run[RunSettings], workers: int) -> None:
+def evolve_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """Neuro-evolution on the source set: history.csv, lineage.npz, pareto.npz."""
     problem = source_problem(run, workers)
-    state = evolved(run, problem, run.settings.evolution.generations, "evolve", "history.csv")
+    state = evolved(output, problem, run.settings.evolution.generations, "evolve", "history.csv")
     algorithm = algorithm_of(problem)
-    files.write_npz(run.file("lineage.npz"), files.to_arrays(algorithm.best_lineage(problem, state)))
-    files.write_npz(run.file("pareto.npz"), files.to_arrays(algorithm.pareto_front(state)))
+    output.write_npz("lineage.npz", files.to_arrays(algorithm.best_lineage(problem, state)))
+    output.write_npz("pareto.npz", files.to_arrays(algorithm.pareto_front(state)))
 
 
 def algorithm_of(problem: Problem) -> Algorithm:
@@ -52,7 +54,7 @@ def problem_on(run: Run[RunSettings], domains: Domain, purpose: str, workers: in
 
 
 def evolved(
-    run: Run[RunSettings],
+    output: Output,
     problem: Problem,
     generations: int,
     name: str,
@@ -60,27 +62,25 @@ def evolved(
     front: Genome | None = None,
 ) -> State:
     """The end of an evolution of `generations`, checkpointed under `name`; its history is written when it is over."""
-    checkpoint = run.file(f"{name}.checkpoint.npz")
+    checkpoint = f"{name}.checkpoint.npz"
     algorithm = algorithm_of(problem)
-    if checkpoint.exists():
-        start = _load(problem, checkpoint)
-    else:
+    start = output.restored(checkpoint, partial(_restored, problem))
+    if start is None:
         state, info = algorithm.init(problem, front)
         start = Evolving(state, {field: [value] for field, value in info._asdict().items()})
     top = problem.task.max_score_per_domain * len(jax.tree.leaves(problem.domains)[0])
 
     def step(evolving: Evolving) -> Evolving:
         state, info = algorithm.step(problem, evolving.state)
-        for field, value in info._asdict().items():
-            evolving.history[field].append(value)
-        return Evolving(state, evolving.history)
+        # A new history, not a longer one: what an interrupt saves is all of one generation.
+        return Evolving(state, {field: [*evolving.history[field], value] for field, value in info._asdict().items()})
 
-    with Progress(f"{name} {run.label}", "generation", generations, start.state.generation) as progress:
+    with Progress(f"{name} {output.run.label}", "generation", generations, start.state.generation) as progress:
         work = Work(
             total=generations,
             done=lambda evolving: evolving.state.generation,
             step=step,
-            save=lambda evolving: _save(problem, evolving, checkpoint),
+            save=lambda evolving: output.save(checkpoint, _saved(problem, evolving)),
             report=lambda evolving: progress.update(
                 evolving.state.generation,
                 best=evolving.history["best"][-1],
@@ -89,19 +89,17 @@ def evolved(
             ),
         )
         end = loop.advance(work, start)
-    files.write_csv(run.file(history_name), end.history)
+    output.write_csv(history_name, end.history)
     return end.state
 
 
-def _save(problem: Problem, evolving: Evolving, checkpoint: Path) -> None:
+def _saved(problem: Problem, evolving: Evolving) -> dict[str, np.ndarray]:
     history = {f"history.{name}": np.array(values) for name, values in evolving.history.items()}
-    condensed = algorithm_of(problem).condensed(evolving.state)
-    files.write_npz(checkpoint, files.to_arrays(condensed) | history)
+    return files.to_arrays(algorithm_of(problem).condensed(evolving.state)) | history
 
 
-def _load(problem: Problem, checkpoint: Path) -> Evolving:
-    arrays = files.read_npz(checkpoint)
-    history = {name: files.pick(arrays, f"history.{name}", checkpoint).tolist() for name in EvolveInfo._fields}
+def _restored(problem: Problem, arrays: dict[str, np.ndarray], origin: Path) -> Evolving:
+    history = {name: files.pick(arrays, f"history.{name}", origin).tolist() for name in EvolveInfo._fields}
     algorithm = algorithm_of(problem)
-    saved: Any = files.from_arrays(arrays, algorithm.saved, checkpoint)
+    saved: Any = files.from_arrays(arrays, algorithm.saved, origin)
     return Evolving(algorithm.restored(problem, saved), history)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from qboot.extraction.actions import cluster_actions
-from qboot.extraction.segmentation import Segments, segment
+from qboot.extraction.segmentation import LONG_SEGMENTS, Segments, segment
 from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
 from qboot.study.pipeline.evolving import source_problem
@@ -11,17 +11,21 @@ from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files
 from qboot.study.store.artifacts import read_lineage
 from qboot.study.store.files import RunError
+from qboot.study.store.output import Output
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 
-def extract_stage(run: Run[RunSettings], workers: int) -> None:
+def extract_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
-    files.write_npz(run.file("actions.npz"), files.to_arrays(actions) | files.to_arrays(report))
-    selection = select(flow, run.settings.sensors)
-    files.write_npz(run.file("sensors.npz"), {"selected": selection.selected} | files.to_arrays(selection.report))
+    output.write_npz("actions.npz", files.to_arrays(actions) | files.to_arrays(report))
+    observed = at_decisions(run, flow) if run.settings.sensors.moments == "decisions" else flow
+    selection = select(observed, run.settings.sensors)
+    # A sensor that never varies has no model.
+    arrays = {"selected": selection.selected} | files.to_arrays(selection.report)
+    output.write_npz("sensors.npz", arrays, may_be_nan=("alphas", "explained"))
 
 
 def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
@@ -39,6 +43,17 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
             "version of qboot or on other hardware; evolve again on this one"
         )
     return flow
+
+
+def at_decisions(run: Run[RunSettings], flow: list[Trace]) -> list[Trace]:
+    """The traces at the steps alone at which one of their actions begins."""
+    settings = run.settings.actions
+    found = []
+    for trace in flow:
+        durations = LONG_SEGMENTS["cut"](segment([trace.commands], settings), settings.max_duration).durations
+        starts = np.cumsum(durations) - durations
+        found.append(Trace(*(field[starts] for field in trace)))
+    return found
 
 
 def segments_of(run: Run[RunSettings], flow: list[Trace]) -> Segments:

@@ -41,6 +41,24 @@ class ControlSize:
     episodes: int
 
 
+class Costs(NamedTuple):
+    """Rates of one task on one machine, in core-seconds where nothing else is said."""
+
+    start: float  # a process and its libraries
+    compile_evolution: float  # the program that evaluates a block of controllers
+    compile_learning: float  # the program of an episode of Q-learning
+    rollout_step: float  # evolution: a step of one rollout with network and recorder
+    acting_step: float  # Q-learning: a step of the robot
+    update: float  # Q-learning: an update, were the networks without weights
+    weight: float  # Q-learning: what each input weight of all networks adds to an update
+    lived: float  # share of the longest rollout that a Q-learner lives
+
+
+# On a core of an Intel Xeon (AVX-512), jax 0.10: for the weights of the progress bar, whose proportions alone count.
+START = 4.0
+USUAL = Costs(START, 9.0, 4.5, 4.4e-7, 1.3e-6, 5e-6, 8e-11, 1.0)
+
+
 class Defaults(NamedTuple):
     """What a task's runs are made with, unless told otherwise."""
 
@@ -53,6 +71,7 @@ class Defaults(NamedTuple):
     sensors: SensorSettings = SensorSettings()
     n_actions: tuple[int, ...] = (4, 8, 17, 30, 50)  # compared by the control experiment on their number
     random_durations: tuple[int, int] = (5, 25)  # of random actions: shortest and longest, in steps
+    usual_costs: Costs = USUAL  # unmeasured
 
 
 def controls(runs: int, **episodes: int) -> dict[str, ControlSize]:

@@ -4,7 +4,10 @@ import importlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+from qboot.study.store.recipes import EVOLVE, EXTRACT, LEARN, TRANSFER, Recipe
+
 if TYPE_CHECKING:
+    from qboot.study.store.output import Output
     from qboot.study.store.runs import Run
     from qboot.study.store.settings import RunSettings
 
@@ -16,75 +19,87 @@ class Stage(NamedTuple):
     it had.
     """
 
-    name: str
+    recipe: Recipe  # what it makes and depends on
     help: str
-    needs: tuple[str, ...]  # files of earlier stages
-    makes: tuple[str, ...]  # files; it is done when all of them are there
     passing: tuple[str, ...]  # checkpoints, removed at the end
     is_parallel: bool  # whether it makes use of several workers
-    function: str  # module:name of a (run, workers) -> None; imported when it is called
+    function: str  # module:name of a (run, output, workers) -> None; imported when it is called
+
+    @property
+    def name(self) -> str:
+        """Its command."""
+        return self.recipe.step
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The files of earlier stages that it reads."""
+        return self.recipe.needs
+
+    @property
+    def makes(self) -> tuple[str, ...]:
+        """The files that it makes; it is done when all of them are whole."""
+        return self.recipe.makes
 
     def is_done(self, run: "Run[RunSettings]") -> bool:
-        """Whether all that the stage makes is there."""
-        return all(run.file(name).exists() for name in self.makes)
+        """Whether all that the stage makes is there, whole, and made with the settings and from the files of now."""
+        from qboot.study.store import provenance
+
+        return all(provenance.is_whole(run, name) for name in self.makes)
 
     def do(self, run: "Run[RunSettings]", workers: int = 1) -> None:
         """Do what is left of the stage.
 
-        What later stages made of an earlier result is removed first: it would stand beside the new one.
+        What lies in the place of its files and is not to be believed is set aside. What later stages made stays: it is
+        used as long as this stage makes the same again, byte for byte, and counts as outdated otherwise.
 
         Raises:
-            RunError: if a file that it needs is missing or damaged.
+            ValueError: for settings that cannot work.
+            RunError: if a file that it needs is missing, damaged or outdated, or the folder is in use.
         """
-        if self.is_done(run):
+        from qboot.study.pipeline.checks import check
+        from qboot.study.store import files, lock, output, provenance
+
+        if self.is_done(run) and not any(run.file(name).exists() for name in self.passing):
             return
-        for name in self.needs:
-            run.require(name)
-        for later in STAGES[STAGES.index(self) + 1 :]:
-            for name in (*later.makes, *later.passing):
-                run.file(name).unlink(missing_ok=True)
-        module, _, name = self.function.partition(":")
-        work: Callable[[Run[RunSettings], int], None] = getattr(importlib.import_module(module), name)
-        work(run, workers)
-        for name in self.passing:
-            run.file(name).unlink(missing_ok=True)
+        check(run.settings)
+        with lock.owned(run.folder):
+            if not self.is_done(run):
+                provenance.require(run, *self.recipe.needs)
+                provenance.set_aside_faulty(run, self.recipe)
+                module, _, name = self.function.partition(":")
+                work: Callable[[Run[RunSettings], Output, int], None] = getattr(importlib.import_module(module), name)
+                work(run, output.Output(run, self.recipe), workers)
+            for name in self.passing:
+                files.remove(run.file(name))
 
 
 _HERE = "qboot.study.pipeline"
 
 STAGES = (
     Stage(
-        "evolve",
+        EVOLVE,
         "neuro-evolution on the source set",
-        needs=(),
-        makes=("history.csv", "lineage.npz", "pareto.npz"),
         passing=("evolve.checkpoint.npz",),
         is_parallel=True,
         function=f"{_HERE}.evolving:evolve_stage",
     ),
     Stage(
-        "extract",
+        EXTRACT,
         "actions and sensors from the lineage's traces",
-        needs=("lineage.npz",),
-        makes=("actions.npz", "sensors.npz"),
         passing=(),
         is_parallel=True,
         function=f"{_HERE}.extracting:extract_stage",
     ),
     Stage(
-        "learn",
+        LEARN,
         "Q-learning on the source set with what was extracted",
-        needs=("actions.npz", "sensors.npz"),
-        makes=("qlearning.csv", "qnets.npz"),
         passing=("learn.checkpoint.npz",),
         is_parallel=False,
         function=f"{_HERE}.learning:learn_stage",
     ),
     Stage(
-        "transfer",
+        TRANSFER,
         "new domains, without and with learning there",
-        needs=("lineage.npz", "pareto.npz", "actions.npz", "sensors.npz", "qnets.npz"),
-        makes=("generalisation.csv", "target_learn.csv", "target_er.csv", "target_er_transfer.csv", "transfer.csv"),
         passing=("target_learn.checkpoint.npz", "target_er.checkpoint.npz", "target_er_transfer.checkpoint.npz"),
         is_parallel=True,
         function=f"{_HERE}.transferring:transfer_stage",

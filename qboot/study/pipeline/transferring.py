@@ -11,14 +11,15 @@ from qboot.neuroevolution.recorders import STATES
 from qboot.study.pipeline.evolving import evolved, problem_on
 from qboot.study.pipeline.learning import learned
 from qboot.study.pipeline.learning import problem_on as learning_problem_on
-from qboot.study.store import files
 from qboot.study.store.artifacts import (
     key_of,
+    read_columns,
     read_individuals,
     read_lineage,
     read_networks,
     task_of,
 )
+from qboot.study.store.output import Output
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -30,27 +31,39 @@ PARTS = {
 }
 
 
-def transfer_stage(run: Run[RunSettings], workers: int) -> None:
+def transfer_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """The target set: generalisation.csv without learning, then transfer.csv with Q-learning, ER, ER + transfer."""
     domains = task_of(run).target_domains(run.settings.source)
     networks = read_networks(run, learning_problem_on(run, domains))
-    if not run.file("generalisation.csv").exists():
-        files.write_csv(run.file("generalisation.csv"), _generalisation(run, domains, networks))
-    if not run.file("target_learn.csv").exists():
+    if not output.has("generalisation.csv"):
+        output.write_csv("generalisation.csv", _generalisation(run, domains, networks))
+    if not output.has("target_learn.csv"):
         episodes = run.settings.target_episodes
-        learned(run, domains, "target_learning", episodes, "target_learn", "target_learn.csv", networks)
+        # Exploration goes on from where it was: the paper's "first episodes show generalization capacities" (figure 9),
+        # which they would not with one random action in seven again.
+        learned(
+            run,
+            output,
+            domains,
+            "target_learning",
+            episodes,
+            "target_learn",
+            "target_learn.csv",
+            networks,
+            episode=run.settings.episodes,
+        )
     for method, (name, *_) in PARTS.items():
-        if method != "QL" and not run.file(f"{name}.csv").exists():
+        if method != "QL" and not output.has(f"{name}.csv"):
             front = read_individuals(run, "pareto.npz").genomes if method == "ER+transfer" else None
             problem = problem_on(run, domains, name, workers)
-            evolved(run, problem, run.settings.target_generations, name, f"{name}.csv", front)
+            evolved(output, problem, run.settings.target_generations, name, f"{name}.csv", front)
     rows: dict[str, list] = {"method": [], "episodes": [], "score": []}
     for method, (name, episodes_column, score_column) in PARTS.items():
-        columns = files.read_csv(run.file(f"{name}.csv"))
+        columns = read_columns(run, f"{name}.csv")
         rows["method"] += [method] * len(columns[episodes_column])
         rows["episodes"] += columns[episodes_column]
         rows["score"] += columns[score_column]
-    files.write_csv(run.file("transfer.csv"), rows)
+    output.write_csv("transfer.csv", rows)
 
 
 def _generalisation(run: Run[RunSettings], domains: Domain, networks: Any) -> dict[str, list]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from qboot.study.analysis import appendix, verdicts
+from qboot.study.analysis import rules
 from qboot.study.pipeline.table import STAGES
 from qboot.study.report.sections import section
 from qboot.study.report.templating import PAGES
@@ -26,8 +26,8 @@ def write(out: Path) -> Path:
     page = PAGES.get_template("report.html.jinja").render(
         sections=sections,
         profiles=sorted({run.settings.profile for run in some}),
-        origins=_origins(some),
-        rules=(*verdicts.RULES, *appendix.RULES) if any(each.has_paper for each in sections) else (),
+        origins=origins(some),
+        rules=rules.RULES if any(each.has_paper for each in sections) else (),
         stages=[stage.name for stage in STAGES],
         unreadable=unreadable,
     )
@@ -36,7 +36,7 @@ def write(out: Path) -> Path:
     return path
 
 
-def _origins(some: list[Run[RunSettings]]) -> dict[str, list[str]]:
+def origins(some: list[Run[RunSettings]]) -> dict[str, list[str]]:
     """With what the runs were made: the different values that their configurations hold."""
     configs = [files.read_json(run.file("config.json")) for run in some]
 

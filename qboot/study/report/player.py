@@ -66,16 +66,19 @@ def _player(title: str, task: Task, recording: Recording, scene: Scene) -> Playe
 def as_data(task: Task, recording: Recording, scene: Scene, max_frames: int = MAX_FRAMES) -> dict:
     """A scene of F frames as plain values for the page, thinned to `max_frames`.
 
-    Flags are lists of the frames at which they change, beginning from false: few numbers, for they seldom do.
+    Flags are lists of the frames at which they change, beginning from false: few numbers, for they seldom do. So is
+    the score, beginning from 0, with what it changes to.
     """
     n_states = len(recording.states.reward)
     kept = np.unique(np.linspace(0, n_states - 1, min(max_frames, n_states)).round().astype(int))
     digits = 3 - math.floor(math.log10(abs(scene.right - scene.left)))
-    scored = recordings.scores(task, recording)[kept].round().astype(int)
+    scores = recordings.scores(task, recording)[kept].round(3)
+    changed = np.flatnonzero(np.diff(scores, prepend=0))
     return {
         "box": [scene.left, scene.top, scene.right, scene.bottom],
         "steps": kept.tolist(),
-        "scores": np.repeat(np.arange(len(kept)), np.diff(scored, prepend=0)).tolist(),
+        "scored": changed.tolist(),
+        "scores": [round(float(score), 3) for score in scores[changed]],
         "actions": recording.actions[kept[1:] - 1].tolist() if len(recording.actions) else [],
         "shapes": [_shape_data(shape, kept, digits) for shape in scene.shapes],
         "movers": [place for place, shape in enumerate(scene.shapes) if any(shape is mover for mover in scene.movers)],

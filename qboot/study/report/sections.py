@@ -1,7 +1,6 @@
 """What the report says on one task: parts with a heading each; what there is nothing for has none."""
 
 import base64
-import contextlib
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from qboot.study.analysis import appendix, sizes, verdicts
 from qboot.study.analysis.gathering import best_run, best_score, gather
 from qboot.study.analysis.printed import PrintedFigure
 from qboot.study.analysis.verdicts import Row
-from qboot.study.controls.cells import find, folder_of
+from qboot.study.controls.cells import faults, find, folder_of
 from qboot.study.controls.conditions import WHATS, conditions
 from qboot.study.figures import catalogue
 from qboot.study.figures.catalogue import CONTROL_PLOTS, RUN_PLOTS
@@ -28,6 +27,7 @@ from qboot.study.store.artifacts import task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
+from qboot.study.store.timing import seconds_by_step
 
 Runs = list[Run[RunSettings]]  # of one task, at least one
 
@@ -155,6 +155,7 @@ def _cells(study: Path, some: Runs) -> tuple[dict[str, appendix.Cells], list[str
             found[what] = {}
             missing.append(str(error))
         else:
+            missing += faults(study, some[0].settings.task, what)
             if not found[what]:
                 missing.append(f"no cells of the control experiment {what}: qboot ablate makes them")
     return found, missing
@@ -187,7 +188,7 @@ def _experiment(
         episodes=tuple(sorted({cell.settings.episodes for some in cells.values() for cell in some})),
         n_cells=tuple(sorted({len(some) for some in cells.values()})),
         paper=profiles.control_size_of(task, what, "paper") if task.paper else None,
-        seconds=sum(_seconds(folder_of(study, task.name, what)).values()),
+        seconds=sum(seconds_by_step(folder_of(study, task.name, what)).values()),
         tables=tables,
     )
 
@@ -219,15 +220,4 @@ def _picture(title: str, printed: PrintedFigure | None, draw: Callable[[], Drawn
 
 def _line(run: Run[RunSettings]) -> RunLine:
     best = gather([run], best_score).found.get(run, np.nan)
-    return RunLine(run, best, {stage.name: stage.is_done(run) for stage in STAGES}, _seconds(run.folder))
-
-
-def _seconds(folder: Path) -> dict[str, float]:
-    """Wall time by stage of a run or an experiment: sums over starts, from timing.csv (`stage,seconds` a line)."""
-    total: dict[str, float] = {}
-    path = folder / "timing.csv"
-    for line in path.read_text().splitlines() if path.exists() else ():
-        stage, _, seconds = line.partition(",")
-        with contextlib.suppress(ValueError):  # a line that was cut off
-            total[stage] = total.get(stage, 0.0) + float(seconds)
-    return total
+    return RunLine(run, best, {stage.name: stage.is_done(run) for stage in STAGES}, seconds_by_step(run.folder))

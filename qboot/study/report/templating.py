@@ -1,23 +1,12 @@
 """The templates of pages, and how they write numbers and names."""
 
-import math
-
 import jinja2
+
+from qboot.study.analysis.words import as_number
 
 PAGES = jinja2.Environment(
     loader=jinja2.PackageLoader("qboot.study.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
 )
-
-
-def as_number(value: float) -> str:
-    """A number for people: no more digits than say something."""
-    if math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "never"
-    if abs(value) >= 100 or value == int(value):
-        return f"{value:,.0f}"
-    return f"{value:.3g}"
 
 
 def as_duration(seconds: float) -> str:

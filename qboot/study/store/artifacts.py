@@ -12,7 +12,8 @@ from qboot.keys import key
 from qboot.neuroevolution.lineage import Individuals
 from qboot.qlearning.inputs import InputSet, input_set
 from qboot.qlearning.problem import Problem, networks_template
-from qboot.study.store import files
+from qboot.study.store import files, provenance
+from qboot.study.store.files import RunError
 from qboot.study.store.runs import AnyRun
 
 
@@ -26,24 +27,45 @@ def key_of(run: AnyRun, purpose: str) -> jax.Array:
     return key(jax.random.key(run.settings.seed), purpose)
 
 
+def read_arrays(run: AnyRun, name: str) -> dict[str, np.ndarray]:
+    """Named arrays of a file of the run; raises RunError unless it is whole and made with the settings of now."""
+    provenance.require(run, name)
+    return files.read_npz(run.file(name))
+
+
+def read_columns(run: AnyRun, name: str) -> dict[str, list[str]]:
+    """Named columns, as text, of a file of the run; errors as `read_arrays`."""
+    provenance.require(run, name)
+    return files.read_csv(run.file(name))
+
+
 def read_individuals(run: AnyRun, name: str) -> Individuals:
     """Individuals saved by a stage."""
-    return files.from_arrays(files.read_npz(run.file(name)), Individuals, run.file(name))
+    return files.from_arrays(read_arrays(run, name), Individuals, run.file(name))
 
 
 def read_lineage(run: AnyRun) -> Individuals:
-    """The lineage of the best-of-run, oldest first."""
+    """The lineage of the best-of-run, oldest first; raises RunError in what was published without networks."""
+    if not any(name.startswith("genomes.") for name in read_arrays(run, "lineage.npz")):
+        raise RunError(
+            f"{run.file('lineage.npz')} was published without its networks: evolve the run again to have them"
+        )
     return read_individuals(run, "lineage.npz")
+
+
+def lineage_length(run: AnyRun) -> int:
+    """Individuals in the lineage of the best-of-run."""
+    return len(files.pick(read_arrays(run, "lineage.npz"), "ids", run.file("lineage.npz")))
 
 
 def read_actions(run: AnyRun) -> ActionSet:
     """The extracted actions."""
-    return files.from_arrays(files.read_npz(run.file("actions.npz")), ActionSet, run.file("actions.npz"))
+    return files.from_arrays(read_arrays(run, "actions.npz"), ActionSet, run.file("actions.npz"))
 
 
 def read_selection(run: AnyRun) -> np.ndarray:
     """The selected sensors, (lags, S) bool."""
-    return files.pick(files.read_npz(run.file("sensors.npz")), "selected", run.file("sensors.npz"))
+    return files.pick(read_arrays(run, "sensors.npz"), "selected", run.file("sensors.npz"))
 
 
 def read_inputs(run: AnyRun) -> InputSet:
@@ -53,4 +75,4 @@ def read_inputs(run: AnyRun) -> InputSet:
 
 def read_networks(run: AnyRun, problem: Problem) -> Any:
     """The networks learned on the source set, of the kind and shapes that the learner of `problem` has."""
-    return files.like(files.read_npz(run.file("qnets.npz")), networks_template(problem), run.file("qnets.npz"))
+    return files.like(read_arrays(run, "qnets.npz"), networks_template(problem), run.file("qnets.npz"))

@@ -1,10 +1,13 @@
 """Files that appear whole or not at all, and clear words about those that cannot be read."""
 
+import contextlib
 import csv
+import errno
+import hashlib
+import io
 import json
 import os
-import tempfile
-import zipfile
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -20,28 +23,39 @@ class RunError(Exception):
     """Something about a run that its user can put right; the message is one line that says how."""
 
 
-def write(path: Path, save: Callable[[Any], None]) -> None:
-    """Write a file by `save(binary_stream)`; a kill at any moment leaves the old file or the new one."""
+def write(path: Path, content: bytes, before: Callable[[str], None] = lambda digest: None) -> None:
+    """Write a file; a kill at any moment leaves the old file or the new one.
+
+    Args:
+        path: where; folders that are missing are made.
+        content: all of it.
+        before: called with the SHA-256 of the content, in hexadecimal, when it lies on the disk and before it
+            appears under its name.
+
+    Raises:
+        RunError: if it cannot be written.
+    """
+    part = _part(path, os.getpid())
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with part.open("wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            before(hashlib.sha256(content).hexdigest())
+            os.replace(part, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise
     except OSError as error:
-        raise RunError(f"cannot write {path}: {error.strerror}; choose a folder that you may write to") from None
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            save(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(name, 0o644)  # mkstemp's files are private
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+        raise unusable("written", path, error) from None
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file."""
-    write(path, lambda stream: stream.write(text.encode()))
+    """Write a text file; what is no Unicode (parts of odd paths) is written with backslashes."""
+    write(path, text.encode(errors="backslashreplace"))
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -49,38 +63,50 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(value, indent=1) + "\n")
 
 
-def write_csv(path: Path, columns: Mapping[str, Sequence]) -> None:
-    """Write named columns of equal length."""
+def csv_bytes(columns: Mapping[str, Sequence]) -> bytes:
+    """Named columns of equal length as the content of a CSV file."""
     rows = zip(*columns.values(), strict=True)
     text = "\n".join(",".join(_cell(value) for value in row) for row in rows)
-    write_text(path, ",".join(columns) + "\n" + text + ("\n" if text else ""))
+    return (",".join(columns) + "\n" + text + ("\n" if text else "")).encode()
+
+
+def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
+    """Named arrays as the content of a compressed archive of NumPy's."""
+    named: Any = dict(arrays)  # NumPy's own annotation takes every name for a flag
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **named)
+    return stream.getvalue()
+
+
+def write_csv(path: Path, columns: Mapping[str, Sequence]) -> None:
+    """Write named columns of equal length."""
+    write(path, csv_bytes(columns))
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write named arrays."""
-    named: Any = dict(arrays)  # NumPy's own annotation takes every name for a flag
-    write(path, lambda stream: np.savez_compressed(stream, **named))
+    write(path, npz_bytes(arrays))
 
 
 def read_json(path: Path) -> Any:
     """Read a JSON file; raises RunError if there is none or it is damaged."""
     try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         raise _unreadable(path, error) from None
 
 
 def read_csv(path: Path) -> dict[str, list[str]]:
     """Read named columns, as text; raises RunError if there are none or the file is damaged."""
     try:
-        with path.open(newline="") as stream:
+        with path.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream, strict=True))
             names = rows[0].keys() if rows else ()
             columns = {name: [row[name] for row in rows] for name in names}
     except (OSError, csv.Error, UnicodeDecodeError) as error:
         raise _unreadable(path, error) from None
-    if any(value is None for column in columns.values() for value in column):
-        raise _unreadable(path, ValueError("a row is cut off"))
+    if None in columns or any(value is None for column in columns.values() for value in column):
+        raise _unreadable(path, ValueError("a row is cut off, or too long"))
     return columns
 
 
@@ -89,8 +115,73 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except Exception as error:  # a damaged archive may raise whatever its parsers do not expect
         raise _unreadable(path, error) from None
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal; empty if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def set_aside(path: Path, reason: str) -> None:
+    """Rename a file that is not to be believed, and say so: nothing that somebody may need is deleted."""
+    kept = path.with_name(f"{path.name}.set-aside")
+    number = 2
+    while kept.exists():
+        kept = path.with_name(f"{path.name}.set-aside-{number}")
+        number += 1
+    try:
+        path.rename(kept)
+    except OSError as error:
+        raise unusable("set aside", path, error) from None
+    print(f"qboot: {path} {reason}: set aside as {kept.name}", file=sys.stderr)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, if it is there."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise unusable("removed", path, error) from None
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove what killed processes had begun to write in a folder."""
+    for part in folder.glob(".*.part"):
+        pid = part.name.split(".")[-2]
+        if pid.isdecimal() and (int(pid) == os.getpid() or not is_alive(int(pid))):
+            remove(part)
+
+
+def is_alive(pid: int) -> bool:
+    """Whether there is a process of this number on this machine."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # it is somebody else's
+        return True
+    return True
+
+
+def unusable(done: str, path: Path, error: OSError) -> RunError:
+    """What the user can do about a file that cannot be `done` ("written", "read" ...)."""
+    advice = {
+        errno.ENOSPC: "make room on the disk and run the same command again, it goes on from the last save",
+        errno.EDQUOT: "make room in your quota and run the same command again, it goes on from the last save",
+        errno.ENAMETOOLONG: "choose a shorter path",
+        errno.EISDIR: "there is a folder of this name: move it away",
+        errno.ENOTDIR: "a part of the path is a file: choose another folder",
+        errno.EEXIST: "a part of the path is a file: choose another folder",
+        errno.ENOENT: "the folder has vanished: bring it back, or begin again in another one",
+        errno.EIO: "the disk reports an error: choose another one",
+    }.get(error.errno or 0, "choose a folder that you may write to")
+    return RunError(f"{path} cannot be {done} ({error.strerror or error}): {advice}")
 
 
 def to_arrays(tree: Any) -> dict[str, np.ndarray]:
@@ -132,7 +223,7 @@ def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree
         if array.shape != expected.shape or array.dtype != expected.dtype:
             raise RunError(
                 f"{origin} was made with other settings ({name} is {array.dtype}{list(array.shape)}, not "
-                f"{expected.dtype}{list(expected.shape)}): delete it and run again"
+                f"{expected.dtype}{list(expected.shape)}): delete it and run the stage that makes it again"
             )
         found.append(jax.random.wrap_key_data(jnp.asarray(array)) if _is_key(leaf) else array)
     return jax.tree_util.tree_unflatten(structure, found)
@@ -141,7 +232,7 @@ def like(arrays: Mapping[str, np.ndarray], template: Tree, origin: Path) -> Tree
 def pick(arrays: Mapping[str, np.ndarray], name: str, origin: Path) -> np.ndarray:
     """One of the named arrays read from `origin`; raises RunError if there is none of this name."""
     if name not in arrays:
-        raise RunError(f"{origin} lacks {name}: it is not of this version; delete it and run again")
+        raise RunError(f"{origin} lacks {name}: it is not of this version: delete it and run the stage that makes it")
     return arrays[name]
 
 
@@ -162,9 +253,17 @@ def _cell(value: Any) -> str:
     return repr(value.item()) if isinstance(value, np.generic) else str(value)
 
 
+def _part(path: Path, pid: int) -> Path:
+    """Where a process writes a file before it appears whole; short, for the name itself may be as long as can be."""
+    return path.with_name(f".{path.name[:40]}.{pid}.part")
+
+
 def _unreadable(path: Path, error: Exception) -> RunError:
     if isinstance(error, FileNotFoundError):
         return RunError(f"{path} does not exist: run the stage that makes it first")
-    if isinstance(error, PermissionError):
-        return RunError(f"{path} may not be read: {error.strerror}")
-    return RunError(f"{path} is damaged ({error}): delete it and run again, only this file is made anew")
+    if isinstance(error, IsADirectoryError):
+        return RunError(f"{path} is a folder: move it away")
+    if isinstance(error, OSError) and error.strerror:
+        return RunError(f"{path} cannot be read: {error.strerror}")
+    words = " ".join(str(error).split()) or type(error).__name__
+    return RunError(f"{path} is damaged ({words}): delete it and run the stage that makes it again")

@@ -1,23 +1,26 @@
 """A run: its configuration, its folder, and where each of its files lies."""
 
+import contextlib
 import dataclasses
 import json
+import math
 import os
 import platform
 import subprocess
+import types
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import qboot
 from qboot.envs.registry import get_task
-from qboot.study.store import files
+from qboot.study.store import files, lock
 from qboot.study.store.files import RunError
 from qboot.study.store.settings import CellSettings, RunSettings
 
 # Grows when a file of a run folder changes its meaning.
-FORMAT = 1
+FORMAT = 2
 PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "scikit-learn", "brax", "mujoco", "mujoco-mjx", "rapidfuzz")
 
 
@@ -35,11 +38,6 @@ class Run(Generic[Settings]):
         """Path of a file of the run."""
         return self.folder / name
 
-    def require(self, name: str) -> None:
-        """Raise RunError unless the run has a file of this name."""
-        if not self.file(name).exists():
-            raise RunError(f"{self.file(name)} does not exist: run the stage that makes it first")
-
     @property
     def label(self) -> str:
         """A short name for people."""
@@ -54,6 +52,10 @@ class Run(Generic[Settings]):
 AnyRun = Run[RunSettings] | Run[CellSettings]
 
 
+class Damaged(RunError):
+    """A config.json that cannot be read."""
+
+
 class Found(NamedTuple):
     """What lies below a folder."""
 
@@ -65,12 +67,20 @@ def create(folder: Path, settings: Settings) -> Run[Settings]:
     """The run in `folder`: a new one, or one begun earlier with the same settings.
 
     Raises:
-        RunError: if the folder cannot be written, or holds a run of another version or with other settings.
+        RunError: if the folder cannot be written, is in use, or holds a run of another version or with other settings.
     """
     config = folder / "config.json"
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
     if not config.exists():
-        files.write_json(config, _describe(settings))
-        return Run(folder, settings)
+        try:
+            with lock.owned(folder):
+                if not config.exists():
+                    files.write_json(config, _describe(settings))
+        except RunError:
+            for path in new:  # a run that cannot be begun leaves nothing
+                with contextlib.suppress(OSError):
+                    path.rmdir()
+            raise
     found = _read(config)
     wanted = _plain(settings)
     for name in wanted:
@@ -91,7 +101,8 @@ def load(folder: Path, kind: type[Settings] = RunSettings) -> Run[Settings]:  # 
     config = folder / "config.json"
     if not config.exists():
         raise RunError(
-            f"{folder} is no run folder (it has no config.json): start one with `qboot evolve --out {folder}`"
+            f"{folder} is no run folder (it has no config.json): begin a run there with "
+            f"`qboot evolve --task TASK --out {folder}`"
         )
     return Run(folder, _from_plain(kind, _read(config), config))
 
@@ -107,14 +118,22 @@ def find(results: Path) -> list[Run[RunSettings]]:
 
 
 def _read(config: Path) -> dict:
-    found = files.read_json(config)
+    try:
+        found = files.read_json(config)
+    except RunError as error:
+        words = str(error).partition(": delete it")[0]
+        raise Damaged(
+            f"{words}: delete it and begin the run again with its --task, --source, --seed, --profile and other "
+            "settings; what was made with the same ones is used"
+        ) from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         theirs = found.get("format") if isinstance(found, dict) else None
         raise RunError(
             f"{config} is of format {theirs}, this qboot ({qboot.__version__}) reads format {FORMAT}: "
             "use the qboot that made it, or another --out"
         )
-    return found.get("settings", {})
+    settings = found.get("settings")
+    return settings if isinstance(settings, dict) else {}
 
 
 def _describe(settings: RunSettings | CellSettings) -> dict:
@@ -148,22 +167,45 @@ def _plain(settings: RunSettings | CellSettings) -> dict:
     return json.loads(json.dumps(dataclasses.asdict(settings)))
 
 
-def _from_plain(cls: type, values: dict, config: Path) -> Any:
+def _from_plain(cls: type, values: Any, config: Path) -> Any:
     """A nested dataclass out of plain values."""
-    fields = {field.name: field for field in dataclasses.fields(cls)}
-    if set(fields) != set(values):
-        odd = ", ".join(sorted(set(fields) ^ set(values)))
+    fields = get_type_hints(cls)
+    if not isinstance(values, dict) or set(fields) != set(values):
+        odd = ", ".join(sorted(set(fields) ^ set(values))) if isinstance(values, dict) else f"of {cls.__name__}"
         raise RunError(f"{config} does not fit this version of qboot (settings {odd}): use another --out")
     built = {}
     for name, value in values.items():
-        kind = fields[name].type
+        kind = fields[name]
         if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-            value = _from_plain(kind, value, config)
-        built[name] = tuple(value) if isinstance(value, list) else value
+            built[name] = _from_plain(kind, value, config)
+        else:
+            built[name] = tuple(value) if isinstance(value, list) else value
+            if not _is_of(kind, built[name]):
+                raise RunError(f"{config} has a setting that cannot be: {name} is {value!r}, not of {_in_words(kind)}")
     try:
         return cls(**built)
     except (TypeError, ValueError) as error:
         raise RunError(f"{config} has a setting that cannot be: {error}") from None
+
+
+def _is_of(kind: Any, value: Any) -> bool:
+    """Whether a plain value is of an annotated kind: a number, a flag, a text, or a tuple of such."""
+    if get_origin(kind) in (types.UnionType, Union):
+        return any(_is_of(each, value) for each in get_args(kind))
+    if get_origin(kind) is tuple:
+        kinds = get_args(kind)
+        if not isinstance(value, tuple):
+            return False
+        if kinds[-1] is Ellipsis:
+            return all(_is_of(kinds[0], each) for each in value)
+        return len(kinds) == len(value) and all(map(_is_of, kinds, value))
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return type(value) is kind
+
+
+def _in_words(kind: Any) -> str:
+    return kind.__name__ if isinstance(kind, type) else str(kind)
 
 
 def _difference(name: str, found: Any, wanted: Any) -> str:

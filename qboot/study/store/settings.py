@@ -39,11 +39,11 @@ class RunSettings:
 
     def __post_init__(self):
         """Reject sizes that make no run."""
-        for name in ("seed", "episodes", "target_episodes", "target_generations"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name} is {getattr(self, name)}: it must not be negative")
-        if self.n_steps < 1:
-            raise ValueError(f"n_steps is {self.n_steps}: a rollout has at least 1 step")
+        if not 0 <= self.seed < 2**32:
+            raise ValueError(f"seed is {self.seed}: it must lie between 0 and {2**32 - 1}")
+        for name, least in (("n_steps", 1), ("episodes", 1), ("target_episodes", 1), ("target_generations", 0)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)}: it must be at least {least}")
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ function startPlayer(player) {
       drawShape(context, data.shapes[mover], frame);
     }
     const action = data.actions.length ? `, action ${data.actions[Math.max(frame - 1, 0)]}` : "";
-    output.value = `step ${data.steps[frame]} of ${data.steps[last]}, score ${countUpTo(data.scores, frame)}${action}`;
+    const score = data.scores[countUpTo(data.scored, frame) - 1] ?? 0;
+    output.value = `step ${data.steps[frame]} of ${data.steps[last]}, score ${score}${action}`;
   }
 
   function stop() {

@@ -1,26 +1,26 @@
-"""The tables of docs/results.md from a results folder, in Markdown: runs, learning in new domains, control experiments.
+"""Tables of a study in Markdown: runs, learning in new domains, control experiments, tests, claims."""
 
-python experiments/results_table.py RESULTS_FOLDER
-"""
-
-import argparse
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 
-from qboot.study.analysis import appendix
+from qboot.study.analysis import appendix, sizes
 from qboot.study.analysis.appendix import Table
-from qboot.study.analysis.control_measures import average_performance, n_inputs, performance, steps
+from qboot.study.analysis.claims import Claim, claims
+from qboot.study.analysis.control_measures import (
+    average_performance,
+    common_episodes,
+    n_inputs,
+    performance,
+    steps,
+)
 from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.measures import RUN_MEASURES
+from qboot.study.analysis.sizes import SizeRow
 from qboot.study.analysis.statistics import quartiles
-from qboot.study.controls.cells import find
-from qboot.study.controls.conditions import WHATS
-from qboot.study.report.templating import as_number, as_title
-from qboot.study.store import files, runs
-from qboot.study.store.files import RunError
+from qboot.study.analysis.words import as_number
+from qboot.study.store import provenance
+from qboot.study.store.artifacts import lineage_length, read_arrays, read_columns
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings, RunSettings
 
@@ -54,26 +54,26 @@ def first_at_least(values: list[str], score: float, positions: list[str]) -> str
 def row(run: Run[RunSettings]) -> list[str]:
     """The cells of a run; stages that were not done leave dashes."""
     high, top, learned = goals(run)
-    history = files.read_csv(run.file("history.csv"))
+    history = read_columns(run, "history.csv")
     cells = [
         f"{run.settings.source}-{run.settings.seed}",
         first_at_least(history["best"], high, history["generation"]),
         first_at_least(history["best"], top, history["generation"]),
         f"{float(history['best'][-1]):g}",
-        str(len(files.read_npz(run.file("lineage.npz"))["ids"])),
+        str(lineage_length(run)),
     ]
-    if run.file("sensors.npz").exists():
-        actions = files.read_npz(run.file("actions.npz"))
+    if provenance.is_whole(run, "sensors.npz"):
+        actions = read_arrays(run, "actions.npz")
         durations = np.percentile(actions["durations"], [25, 50, 75])
         cells += [f"{int(actions['n_segments']):,}", ", ".join(f"{d:g}" for d in durations)]
-        cells.append(str(int(files.read_npz(run.file("sensors.npz"))["selected"].sum())))
-    if run.file("qnets.npz").exists():
-        learning = files.read_csv(run.file("qlearning.csv"))
+        cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
+    if provenance.is_whole(run, "qlearning.csv"):
+        learning = read_columns(run, "qlearning.csv")
         scores = np.array(learning["score"], float)
         cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
         cells.append(f"{scores[-100:].mean():.2f}")
-    if run.file("generalisation.csv").exists():
-        found = files.read_csv(run.file("generalisation.csv"))
+    if provenance.is_whole(run, "generalisation.csv"):
+        found = read_columns(run, "generalisation.csv")
         for method in ("ER", "QL"):
             values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
             cells.append(f"{sum(values):g}")
@@ -82,20 +82,21 @@ def row(run: Run[RunSettings]) -> list[str]:
 
 def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
     """Learning in new domains, a line for each measure and a column for each run that has it."""
-    done = [run for run in some if run.file("transfer.csv").exists()]
+    done = [run for run in some if provenance.is_whole(run, "transfer.csv")]
     if not done:
         return []
     lines = [["", *(f"{run.settings.source}-{run.settings.seed}" for run in done)]]
     lines.append(["---"] * len(lines[0]))
     for name in ON_TARGET:
-        values = [float(RUN_MEASURES[name].read(run).values[0]) for run in done]
+        measure = RUN_MEASURES[name]
+        values = [measure.over([measure.read(run)]).quartiles.median for run in done]
         lines.append([name.removesuffix(", target"), *(as_number(v) if np.isfinite(v) else "-" for v in values)])
     return lines
 
 
 def in_short(values: list[float]) -> str:
     """Median and quartiles."""
-    lower, median, upper = quartiles(np.array(values))
+    lower, median, upper = map(float, quartiles(np.array(values)))
     return f"{as_number(median)} ({as_number(lower)} to {as_number(upper)})"
 
 
@@ -109,10 +110,10 @@ def control_table(cells: dict[str, list[Run[CellSettings]]]) -> list[list[str]]:
     }
     lines = [["condition", "learners", "episodes", *measures]]
     lines.append(["---"] * len(lines[0]))
+    episodes = common_episodes(cells)
     for condition, some in cells.items():
-        episodes = " or ".join(sorted({str(cell.settings.episodes) for cell in some}))
-        values = [in_short([measure(cell) for cell in some]) for measure in measures.values()]
-        lines.append([condition, str(len(some)), episodes, *values])
+        values = [in_short([measure(cell, episodes) for cell in some]) for measure in measures.values()]
+        lines.append([condition, str(len(some)), str(episodes), *values])
     return lines
 
 
@@ -133,46 +134,45 @@ def test_table(tables: list[Table]) -> list[list[str]]:
     return lines
 
 
-def of_study(study: Path) -> dict[str, list[list[str]]]:
-    """All tables of a study by what they are about."""
-    by_task: dict[str, list[Run[RunSettings]]] = {}
-    readable, unreadable = runs.runs_below(study)
-    for reason in unreadable:
-        print(f"left out: {reason}", file=sys.stderr)
-    for run in readable:
-        by_task.setdefault(run.task_name, []).append(run)
-    found = {}
-    for task_name, some in by_task.items():
-        name = as_title(task_name)
-        evolved = [run for run in some if run.file("history.csv").exists()]
-        columns = header(some[0])
-        found[f"{name}: runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
-        if transferred := transfer_table(some):
-            found[f"{name}: learning in new domains"] = transferred
-        cells = {what: find(study, some[0].settings.task, what) for what in WHATS}
-        for what, of_experiment in cells.items():
-            if of_experiment:
-                found[f"{name}: {what.replace('n_', 'number of ')}"] = control_table(of_experiment)
-        tests = test_table(appendix.tables(cells, some))
-        if len(tests) > 2:
-            found[f"{name}: tests"] = tests
-    return found
+def claims_table(some: list[Claim]) -> list[list[str]]:
+    """The paper's claims, a line each."""
+    lines = [["the paper says", "its numbers", "ours", "n", "verdict", "why"]]
+    lines.append(["---"] * len(lines[0]))
+    for claim in some:
+        said = f"{claim.claim} ({claim.section})"
+        lines.append([said, claim.printed, claim.ours, str(claim.n), f"**{claim.verdict.answer}**", claim.verdict.why])
+    return lines
 
 
-def main() -> int:
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("results", type=Path, help="folder of a study")
-    try:
-        tables = of_study(parser.parse_args().results)
-    except RunError as error:
-        print(error, file=sys.stderr)
-        return 2
-    for title, lines in tables.items():
-        print(f"### {title}\n")
-        print(*(f"| {' | '.join(cells)} |" for cells in lines), "", sep="\n")
-    return 0
+def size_table(some: list[SizeRow]) -> list[list[str]]:
+    """Sizes of the study beside the paper's."""
+    lines = [["size", "ours", "the paper's"], ["---"] * 3]
+    for row in some:
+        ours = " or ".join(f"{n:,}" for n in row.ours)
+        paper = "-" if row.paper is None else f"{row.paper:,}" + ("" if row.is_printed else " (not printed)")
+        lines.append([row.label, ours, paper])
+    return lines
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def in_markdown(lines: list[list[str]]) -> str:
+    """A table as text; the first two lines are its head."""
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def of_task(some: list[Run[RunSettings]], cells: dict[str, dict[str, list[Run[CellSettings]]]]) -> dict[str, str]:
+    """The tables on one task by what they are about; none of what there is nothing for.
+
+    Args:
+        some: all its runs, at least one.
+        cells: finished cells of each control experiment by its name.
+    """
+    columns = header(some[0])
+    evolved = [run for run in some if provenance.is_whole(run, "history.csv")]
+    found = {"Sizes": size_table(sizes.rows(some)), "The paper's claims": claims_table(claims(cells, some))}
+    found["Runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
+    found["Learning in new domains"] = transfer_table(some)
+    for what, of_experiment in cells.items():
+        if of_experiment:
+            found[f"Control experiment: {what.replace('n_', 'number of ')}"] = control_table(of_experiment)
+    found["Tests"] = test_table(appendix.tables(cells, some))
+    return {title: in_markdown(lines) for title, lines in found.items() if len(lines) > 2}

@@ -1,0 +1,421 @@
+"""Any Brax environment as a task: what is sensed, what is reached, where it starts, how behaviours are compared."""
+
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from qboot.envs.scene import BLUE, ORANGE, Scene, Shape
+from qboot.envs.task import Domain, Task, View
+
+# Sensors whose range nobody gave are watched in so many random rollouts of so many steps at most.
+WATCHED_ROLLOUTS = 32
+WATCHED_STEPS = 200
+WATCHED_SEED = 0
+MARGIN = 0.1  # of the range seen, on both sides: a trained robot goes further than a random one
+CELLS = 12  # of the discretised trajectory, along each of its two sensors
+POINTS_OF_A_ROLLOUT = 50  # recorded cells
+NOTE = "The robot is a point in the plane of two of its sensors: {}, from 0 on the left to 1 on the right, and {}."
+
+
+class BraxState(NamedTuple):
+    """State of one rollout; the first three fields are those of every task."""
+
+    observation: jax.Array  # (S,) in [0, 1]
+    reward: jax.Array  # () float32
+    done: jax.Array  # () bool
+    env: Any  # the environment's own state: obs, pipeline_state, info ...
+
+
+def from_brax(
+    env: Any,
+    *,
+    name: str,
+    max_steps: int,
+    success: Callable[[Any], jax.Array] | None = None,
+    reward: float | None = None,
+    max_score: int = 1,
+    observe: Callable[[Any], jax.Array] | None = None,
+    observation_range: tuple[Any, Any] | None = None,
+    action_range: tuple[Any, Any] = (-1.0, 1.0),
+    sensors: Sequence[str] | None = None,
+    effectors: Sequence[str] | None = None,
+    source: Domain | Mapping[str, Domain] = (0, 1, 2),
+    target: Domain | Mapping[str, Domain] = (3, 4, 5),
+    reset_with: Callable[[jax.Array, Domain], Any] | None = None,
+    rollouts_per_domain: int = 1,
+    outcome: Callable[[Any], jax.Array] | None = None,
+    grid: tuple[int | str, int | str] | None = None,
+    trajectory_period: int | None = None,
+    scene: Callable[[Domain, Any], Scene] | None = None,
+    dt: float | None = None,
+    **changes: Any,
+) -> Task:
+    """A Brax environment as a `Task`, for every command and every room of this package.
+
+    What is reached is told in one of two ways. With `success`, the first state for which it is true pays `reward` and
+    ends the rollout: the score counts the rollouts that reached it. Without, the environment's own rewards count, and
+    may be dense: the score of a rollout is their sum divided by `reward`, any fraction, negative where they are.
+
+    A rollout that is done stays where it is and earns nothing. A rollout is never truncated before `max_steps`. Give
+    the bare environment: wrappers that count episodes or reset by themselves would do so a second time.
+
+    Args:
+        env: a `brax.envs.Env`, or what has the same `reset(key)` -> state, `step(state, action)` -> state and
+            `action_size`, as MuJoCo Playground's environments.
+        name: of the task.
+        max_steps: timesteps of a rollout at most.
+        success: the environment's state -> () bool.
+        reward: size of one reward; default 10 with `success`, else 1.
+        max_score: the greatest score of a rollout, where figures end.
+        observe: the environment's state -> (S,) float; default its `obs`, flattened (of a dict, the entry "state" if
+            it has one, else all in order of their names).
+        observation_range: lowest and highest value of what is observed, each () or (S,); scaled to [0, 1] and clipped.
+            Default: `estimated_range`, which costs the compilation of a rollout in every process: better write down
+            what it says.
+        action_range: of the environment's actions, each () or (E,); commands in [0, 1] are scaled to it.
+        sensors: names; default sensor_0 and so on.
+        effectors: names; default effector_0 and so on.
+        source: the source set of domains, or a mapping of such sets by their names. A set is whole numbers (D,), seeds,
+            or with `reset_with` a pytree of arrays with leading axis D. A seed is one fixed start,
+            `env.reset(jax.random.PRNGKey(seed))`.
+        target: the target set, or a mapping by the same names.
+        reset_with: (key, domain) -> the environment's state, for domains that are arrays.
+        rollouts_per_domain: in each domain; more than 1 makes sense for starts that depend on the key.
+        outcome: the environment's state -> (k,), compared by the ad hoc distance; default the last observation.
+        grid: two sensors, by names or places, whose plane the discretised trajectory has 12 x 12 cells in; default the
+            first two.
+        trajectory_period: timesteps between two recorded cells; default such that there are about 50.
+        scene: (domain, `BraxState` (F, ...)) -> how the rollout is drawn; default a point in the plane of `grid`.
+        dt: seconds of one timestep; default the environment's `dt`, or 1 if it has none.
+        **changes: other fields of `Task`, such as `expert` or `defaults`.
+
+    Raises:
+        ValueError: if a value does not fit the environment.
+
+    Example:
+        >>> import brax.envs
+        >>> import jax
+        >>> from qboot.envs import from_brax
+        >>> task = from_brax(brax.envs.get_environment("fast"), name="fast", max_steps=10, observation_range=(0, 10))
+        >>> task.sensors, task.effectors
+        (('sensor_0', 'sensor_1'), ('effector_0',))
+        >>> domain = jax.tree.map(lambda leaf: leaf[0], task.source_domains("A"))
+        >>> state = task.reset(jax.random.key(0), domain)
+        >>> state = task.step(domain, state, jax.numpy.array([0.5]))
+        >>> bool(state.done)
+        False
+    """
+    sources, source_sets, target_sets = _sets_by_name(source, target)
+    first = jax.tree.map(lambda leaf: leaf[0], source_sets[sources[0]])
+    if reset_with is None and any(not _are_seeds(some) for some in (*source_sets.values(), *target_sets.values())):
+        raise ValueError(f"{name}: domains are whole numbers (seeds), unless reset_with tells how to start in them")
+    template = _settled_shapes(env, functools.partial(_start, env, reset_with), first, name)
+    n_sensors = jax.eval_shape(observe or _observed, template).size
+    sensor_names = _named(name, "sensors", sensors, n_sensors)
+    robot = _Robot(
+        env=env,
+        template=template,
+        start=functools.partial(_start, env, reset_with),
+        success=success,
+        reward=(1.0 if success is None else 10.0) if reward is None else float(reward),
+        observe=observe or _observed,
+        bounds=None if observation_range is None else _checked_range(name, "observation_range", observation_range),
+        actions=_checked_range(name, "action_range", action_range),
+        outcome=outcome,
+        plane=_plane(name, grid, sensor_names),
+        first=first,
+    )
+    task = Task(
+        name=name,
+        sensors=sensor_names,
+        effectors=_named(name, "effectors", effectors, env.action_size),
+        sources=sources,
+        max_steps=max_steps,
+        rollouts_per_domain=rollouts_per_domain,
+        max_score_per_domain=max_score * rollouts_per_domain,
+        reward=robot.reward,
+        reset=robot.reset,
+        step=robot.step,
+        truncated=_never,
+        source_domains=functools.partial(_set_of, name, _Sets(source_sets)),
+        target_domains=functools.partial(_set_of, name, _Sets(target_sets)),
+        position=robot.position,
+        outcome=robot.final,
+        trajectory_period=trajectory_period or max(1, max_steps // POINTS_OF_A_ROLLOUT),
+        dt=round(float(getattr(env, "dt", 1.0) if dt is None else dt), 6),
+    )
+    all_domains = functools.partial(_all_domains, _Sets(source_sets), _Sets(target_sets))
+    across, down = (sensor_names[place] for place in robot.plane)
+    note = NOTE.format(across, down) if scene is None else ""
+    return task._replace(**({"view": View(scene or robot.scene, all_domains, note)} | changes))
+
+
+def estimated_range(
+    env: Any,
+    observe: Callable[[Any], jax.Array] | None = None,
+    action_range: tuple[Any, Any] = (-1.0, 1.0),
+    reset: Callable[[jax.Array], Any] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest value (S,) of each sensor in random rollouts, widened by a tenth and rounded outwards.
+
+    32 rollouts of 200 steps, or until done, with uniform actions, always from the same seed. The ends are rounded to
+    two digits of the range, so that other hardware finds the same. A sensor that never varied gets a range around its
+    value.
+
+    Args:
+        env: as for `from_brax`.
+        observe: as for `from_brax`.
+        action_range: as for `from_brax`.
+        reset: key -> the environment's state; default `env.reset`.
+    """
+    watch = observe or _observed
+    begin = reset or env.reset
+    low, high = _checked_range("estimated_range", "action_range", action_range)
+    template = _settled_shapes(env, lambda key, _: begin(key), None, "estimated_range")
+
+    def rollout(key: jax.Array) -> tuple[jax.Array, jax.Array]:
+        def step(carry: tuple, key: jax.Array) -> tuple[tuple, None]:
+            state, lowest, highest = carry
+            action = low + jax.random.uniform(key, (env.action_size,)) * (high - low)
+            after = _settled(env.step(jax.tree.map(lambda leaf: leaf, state), action), template)
+            after = _unless(state.done > 0, after, state)
+            seen = watch(after)
+            return (after, jnp.minimum(lowest, seen), jnp.maximum(highest, seen)), None
+
+        state = _settled(begin(_raw(key)), template)
+        carry = state, watch(state), watch(state)
+        (_, lowest, highest), _ = jax.lax.scan(step, carry, jax.random.split(key, WATCHED_STEPS))
+        return lowest, highest
+
+    keys = jax.random.split(jax.random.key(WATCHED_SEED), WATCHED_ROLLOUTS)
+    lowest, highest = jax.device_get(jax.jit(jax.vmap(rollout))(keys))
+    return _rounded_outwards(lowest.min(axis=0), highest.max(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Robot:
+    """The functions of a task around one environment; each instance is another robot, as a static argument is."""
+
+    env: Any
+    template: Any  # the environment's state as shapes and types
+    start: Callable[[jax.Array, Domain], Any]
+    success: Callable[[Any], jax.Array] | None
+    reward: float
+    observe: Callable[[Any], jax.Array]
+    bounds: tuple[np.ndarray, np.ndarray] | None
+    actions: tuple[np.ndarray, np.ndarray]
+    outcome: Callable[[Any], jax.Array] | None
+    plane: tuple[int, int]
+    first: Domain
+
+    @functools.cached_property
+    def sensor_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest value of each sensor; estimated, if need be, when it is asked for first."""
+        if self.bounds is not None:
+            return self.bounds
+        # It may be asked for while something else is being traced; another thread is outside of that.
+        with ThreadPoolExecutor(1) as outside:
+            reset = functools.partial(_swapped, self.start, self.first)
+            return outside.submit(estimated_range, self.env, self.observe, self.actions, reset).result()
+
+    def reset(self, key: jax.Array, domain: Domain) -> BraxState:
+        """State at the start of a rollout."""
+        state = _settled(self.start(key, domain), self.template)
+        return BraxState(self.sense(state), jnp.float32(0.0), state.done > 0, state)
+
+    def step(self, domain: Domain, state: BraxState, command: jax.Array) -> BraxState:
+        """One timestep; a state that is done stays as it is, and earns nothing."""
+        del domain
+        low, high = self.actions
+        # Some environments write into the dictionaries of the state that they are given: they get new ones.
+        before = jax.tree.map(lambda leaf: leaf, state.env)
+        after = _settled(self.env.step(before, low + command * (high - low)), self.template)
+        if self.success is None:
+            reward, over = after.reward.astype(jnp.float32), after.done > 0
+        else:
+            reached = jnp.asarray(self.success(after)) > 0
+            reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
+        after = _unless(state.done, after, state.env)
+        reward = jnp.where(state.done, jnp.float32(0.0), reward)
+        return BraxState(self.sense(after), reward, state.done | over, after)
+
+    def sense(self, state: Any) -> jax.Array:
+        """Sensors (S,) in [0, 1]."""
+        low, high = self.sensor_range
+        return jnp.clip((self.observe(state).astype(jnp.float32) - low) / (high - low), 0.0, 1.0)
+
+    def position(self, domain: Domain, state: BraxState) -> jax.Array:
+        """Cell of two sensors on a 12 x 12 grid, () int32 in [0, 144)."""
+        del domain
+        column, row = (
+            jnp.clip((state.observation[place] * CELLS).astype(jnp.int32), 0, CELLS - 1) for place in self.plane
+        )
+        return row * CELLS + column
+
+    def final(self, domain: Domain, state: BraxState) -> jax.Array:
+        """What the ad hoc distance compares."""
+        del domain
+        if self.outcome is None:
+            return state.observation
+        return jnp.asarray(self.outcome(state.env)).reshape(-1).astype(jnp.float32)
+
+    def scene(self, domain: Domain, states: BraxState) -> Scene:
+        """The robot as a point in the plane of two sensors, drawn upwards; states (F, ...)."""
+        del domain
+        x, y = (np.asarray(states.observation)[:, place] for place in self.plane)
+        point = Shape("robot", x, y, 0.02, None, BLUE, active=np.asarray(states.done), active_colour=ORANGE,
+                      active_label="robot, rollout over")  # fmt: skip
+        return Scene(0.0, 1.0, 1.0, 0.0, (point,), (point,))
+
+
+class _Sets(dict):
+    """Sets of domains by name of their source; compared as objects, so that tasks can be static arguments."""
+
+    __hash__ = object.__hash__  # type: ignore[assignment]
+    __eq__ = object.__eq__
+
+
+def _set_of(name: str, sets: Mapping[str, Domain], source: str) -> Domain:
+    if source not in sets:
+        raise ValueError(f"unknown source {source!r} of {name}: choose one of {', '.join(sets)}")
+    return sets[source]
+
+
+def _all_domains(source: Mapping[str, Domain], target: Mapping[str, Domain]) -> list[tuple[str, Domain]]:
+    """All domains with names, each once."""
+    found = []
+    for kind, sets in (("source", source), ("target", target)):
+        for name, domains in sets.items():
+            for place in range(len(jax.tree.leaves(domains)[0])):
+                label = f"{kind} {place}" if len(sets) == 1 else f"{kind} {place} of {name}"
+                found.append((label, jax.tree.map(lambda leaf, place=place: leaf[place], domains)))
+    return found
+
+
+def _sets_by_name(source: Any, target: Any) -> tuple[tuple[str, ...], dict[str, Domain], dict[str, Domain]]:
+    both = [_as_mapping(some) for some in (source, target)]
+    if set(both[0]) != set(both[1]):
+        raise ValueError(f"source and target must name the same sources, got {sorted(both[0])} and {sorted(both[1])}")
+    return tuple(both[0]), both[0], both[1]
+
+
+def _as_mapping(domains: Any) -> dict[str, Domain]:
+    by_name = domains if isinstance(domains, Mapping) else {"A": domains}
+    return {name: _as_arrays(some) for name, some in by_name.items()}
+
+
+def _as_arrays(domains: Any) -> Domain:
+    """A set of domains as NumPy arrays with a leading axis D; a list or range of numbers is one array."""
+    is_plain = isinstance(domains, (list, range)) or (isinstance(domains, tuple) and not hasattr(domains, "_fields"))
+    arrays = np.asarray(domains) if is_plain else jax.tree.map(np.asarray, domains)
+    narrow = {"i": np.int32, "u": np.uint32, "f": np.float32}
+    arrays = jax.tree.map(lambda leaf: leaf.astype(narrow.get(leaf.dtype.kind, leaf.dtype)), arrays)
+    lengths = {leaf.shape[:1] for leaf in jax.tree.leaves(arrays)}
+    if len(lengths) != 1 or lengths in ({()}, {(0,)}):
+        raise ValueError(f"a set of domains has one leading axis, at least 1 long, on all its arrays: got {lengths}")
+    return arrays
+
+
+def _are_seeds(domains: Domain) -> bool:
+    return isinstance(domains, np.ndarray) and domains.ndim == 1 and domains.dtype.kind in "iu"
+
+
+def _raw(key: jax.Array) -> jax.Array:
+    """A key as the plain numbers that Brax's environments keep in their `info`."""
+    return jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key
+
+
+def _start(env: Any, reset_with: Callable | None, key: jax.Array, domain: Domain) -> Any:
+    if reset_with is None:
+        return env.reset(jax.random.PRNGKey(domain))
+    return reset_with(_raw(key), domain)
+
+
+def _settled_shapes(env: Any, start: Callable, domain: Domain, name: str) -> Any:
+    """Shapes and types of the environment's state after a step, which its first state must fit."""
+    action = jax.ShapeDtypeStruct((env.action_size,), jnp.float32)
+    first = jax.eval_shape(start, jax.random.PRNGKey(0), domain)
+    after = jax.eval_shape(lambda state, action: env.step(_strong(state), action), first, action)
+    structures: list[Any] = [jax.tree.structure(first), jax.tree.structure(after)]
+    if structures[0] != structures[1]:
+        raise ValueError(
+            f"{name}: reset and step of the environment return states of different structure: metrics and info must "
+            "have the same entries in both"
+        )
+    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), after)
+
+
+def _strong(state: Any) -> Any:
+    """All leaves as arrays of a fixed type: a weak one may change from step to step."""
+    return jax.tree.map(lambda leaf: jax.lax.convert_element_type(leaf, jnp.asarray(leaf).dtype), state)
+
+
+def _settled(state: Any, template: Any) -> Any:
+    """A state with the types of the template."""
+    return jax.tree.map(lambda leaf, like: jax.lax.convert_element_type(leaf, like.dtype), state, template)
+
+
+def _unless(over: jax.Array, new: Any, old: Any) -> Any:
+    return jax.tree.map(lambda a, b: jnp.where(over, b, a), new, old)
+
+
+def _observed(state: Any) -> jax.Array:
+    """The environment's own observation, flat."""
+    obs = state.obs
+    if isinstance(obs, Mapping) and "state" in obs:
+        obs = obs["state"]
+    return ravel_pytree(obs)[0]
+
+
+def _never(state: BraxState) -> jax.Array:
+    """No rollout is truncated, () bool."""
+    del state
+    return jnp.array(False)
+
+
+def _named(name: str, kind: str, given: Sequence[str] | None, n: int) -> tuple[str, ...]:
+    if given is None:
+        return tuple(f"{kind.removesuffix('s')}_{place}" for place in range(n))
+    if len(given) != n or len(set(given)) != n:
+        raise ValueError(f"{name}: {len(set(given))} different names of {kind} are given, the environment has {n}")
+    return tuple(given)
+
+
+def _plane(name: str, grid: tuple[int | str, int | str] | None, sensors: tuple[str, ...]) -> tuple[int, int]:
+    wanted = grid or (0, min(1, len(sensors) - 1))
+    places = [sensors.index(one) if one in sensors else one for one in wanted]
+    if len(places) != 2 or any(not isinstance(one, int) or not 0 <= one < len(sensors) for one in places):
+        raise ValueError(f"{name}: grid is {grid}: it must be two of the sensors {', '.join(sensors)}")
+    return int(places[0]), int(places[1])
+
+
+def _checked_range(name: str, kind: str, given: tuple[Any, Any]) -> tuple[np.ndarray, np.ndarray]:
+    low, high = (np.asarray(end, np.float32) for end in given)
+    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
+        raise ValueError(f"{name}: {kind} must be (low, high), finite, low below high, got {given}")
+    return low, high
+
+
+def _rounded_outwards(lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    width = (highest - lowest).astype(float)
+    still = width <= 1e-6 * np.maximum(1.0, np.abs(lowest))
+    width = np.where(still, 2.0 * np.maximum(1.0, np.abs(lowest)), width)
+    centre = (lowest + highest) / 2.0
+    unit = 10.0 ** (np.floor(np.log10(width)) - 1)
+    half = (0.5 + MARGIN) * width
+    low, high = np.floor((centre - half) / unit) * unit, np.ceil((centre + half) / unit) * unit
+    digits = [max(0, 1 - math.floor(math.log10(one))) for one in width]
+    rounded = [[round(float(value), n) for value, n in zip(end, digits, strict=True)] for end in (low, high)]
+    return np.array(rounded[0], np.float32), np.array(rounded[1], np.float32)
+
+
+def _swapped(start: Callable, domain: Domain, key: jax.Array) -> Any:
+    return start(key, domain)

@@ -1,0 +1,127 @@
+"""What the jobs of a study cost: some rates of a machine, times the sizes of the profile.
+
+Rates are in core-seconds, so that it does not matter how many cores there are, nor much what else they are busy with.
+Evolution costs the same for every step of every rollout, whoever is in it. Q-learning costs so much for a step of the
+robot, and so much for each update, after a decision or in the replay, by the size of the networks.
+"""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from qboot.envs.registry import get_task
+from qboot.envs.task import Domain, Task
+from qboot.qlearning.settings import LearnerSettings
+from qboot.study.controls.conditions import LAGS, conditions
+from qboot.study.jobs import Job
+from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
+from qboot.study.store.settings import RunSettings
+
+# What only an extraction tells, as found in the runs of docs/results.md: ancestors of the best-of-run for each
+# generation, and the share of all inputs that the automatic selection keeps.
+ANCESTORS_PER_GENERATION = 0.25
+SHARE_OF_INPUTS = 0.6
+# To play a step of the lineage again, cut it into segments and correlate it, in steps of evolution.
+EXTRACTION = 20.0
+
+
+def seconds_of(job: Job, costs: Costs) -> dict[str, float]:
+    """Core-seconds of a job from its beginning to its end, by the names of the parts that it reports to be at."""
+    return _of_stage(job.run, job.step, costs) if job.run else _of_control(job, costs)
+
+
+def of_usual(job: Job) -> dict[str, float]:
+    """The same by usual costs, unmeasured: the weights of the progress bar."""
+    return seconds_of(job, defaults_of(get_task(job.task)).usual_costs)
+
+
+def n_selected(task: Task, defaults: Defaults) -> float:
+    """The number of inputs to expect from the automatic selection."""
+    return SHARE_OF_INPUTS * defaults.sensors.lags * len(task.sensors)
+
+
+def n_weights(n_actions: int, n_inputs: float, hidden: int) -> float:
+    """Input weights of all networks of a Q-learner."""
+    return n_actions * n_inputs * hidden
+
+
+def n_rollouts(task: Task, domains: Domain) -> int:
+    """Rollouts of an episode."""
+    return len(jax.tree.leaves(domains)[0]) * task.rollouts_per_domain
+
+
+class _Learning(NamedTuple):
+    """An episode of Q-learning, as far as its cost goes."""
+
+    settings: LearnerSettings
+    rollouts_per_domain: int
+    n_rollouts: int
+    n_steps: int
+    n_actions: int
+    n_inputs: float
+    duration: float  # mean of the actions, in steps
+
+    def seconds(self, costs: Costs) -> float:
+        """Core-seconds, once as many trajectories are replayed as can be kept."""
+        steps = self.n_steps * costs.lived
+        decisions = self.n_rollouts * steps / self.duration
+        replayed = decisions * self.settings.eta / self.rollouts_per_domain
+        update = costs.update + costs.weight * n_weights(self.n_actions, self.n_inputs, self.settings.hidden)
+        return self.n_rollouts * steps * costs.acting_step + (decisions + replayed) * update
+
+
+def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
+    task, defaults = get_task(run.task, run.physics), defaults_of(get_task(run.task))
+    evolution = run.evolution
+    source = n_rollouts(task, task.source_domains(run.source))
+    target = n_rollouts(task, task.target_domains(run.source))
+
+    def generations(n: int, n_rollouts: int) -> float:
+        episodes = evolution.population * (2 + n * (2 if evolution.reevaluate else 1))
+        programs = min(len(evolution.diversities), 1 + n // evolution.diversity_period)
+        return programs * costs.compile_evolution + episodes * n_rollouts * run.n_steps * costs.rollout_step
+
+    def episodes(n: int, n_rollouts: int) -> float:
+        duration = (run.actions.min_duration + run.actions.max_duration) / 2
+        sizes = run.actions.n_actions, n_selected(task, defaults), duration
+        learning = _Learning(run.learner, task.rollouts_per_domain, n_rollouts, run.n_steps, *sizes)
+        return costs.compile_learning + n * learning.seconds(costs)
+
+    if step == "evolve":
+        return {step: costs.start + generations(evolution.generations, source)}
+    if step == "extract":
+        ancestors = min(evolution.horizon, max(2.0, ANCESTORS_PER_GENERATION * evolution.generations))
+        steps = ancestors * source * run.n_steps
+        return {step: costs.start + costs.compile_evolution + steps * costs.rollout_step * EXTRACTION}
+    if step == "learn":
+        return {step: costs.start + episodes(run.episodes, source)}
+    without_learning = costs.compile_evolution + costs.compile_learning
+    return {
+        "target_learn": costs.start + without_learning + episodes(run.target_episodes, target),
+        "target_er": generations(run.target_generations, target),
+        "target_er_transfer": generations(run.target_generations, target),
+    }
+
+
+def _of_control(job: Job, costs: Costs) -> dict[str, float]:
+    """All learners of an experiment; they are padded to the most actions and inputs of all its conditions."""
+    task = get_task(job.task)
+    defaults, size, expert = defaults_of(task), control_size_of(task, job.what, job.profile), task.expert
+    durations = expert.actions().durations if expert else defaults.random_durations
+    n_extracted = defaults.actions.n_actions
+    n_actions = {"actions": n_extracted, "n_actions": max(defaults.n_actions)}.get(job.what, 0)
+    n_inputs = LAGS * len(task.sensors) if job.what == "sensors" else 0
+    learning = _Learning(
+        settings=defaults.learner,
+        rollouts_per_domain=task.rollouts_per_domain,
+        n_rollouts=n_rollouts(task, task.source_domains(task.sources[0])),
+        n_steps=size_of(task, job.profile).n_steps,
+        n_actions=max(n_actions, len(durations) if expert else n_extracted),
+        n_inputs=max(n_inputs, sum(map(len, expert.sensors)) if expert else n_selected(task, defaults)),
+        duration=float(np.mean(durations)),
+    )
+    episodes = len(conditions(task, job.what)) * size.runs * size.episodes
+    # Several learners side by side are a larger program, and their extraction is played again.
+    compiling = 2 * costs.compile_learning + (costs.compile_evolution if job.what == "n_actions" else 0.0)
+    return {job.step: costs.start + compiling + episodes * learning.seconds(costs)}

@@ -1,0 +1,110 @@
+"""The jobs of a study: the one table that `qboot reproduce`, its dry run and the workflow for clusters go by."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from qboot.envs.registry import BUILT_IN, get_task
+from qboot.study.controls.cells import folder_of as folder_of_cells
+from qboot.study.controls.conditions import WHATS, places
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.table import STAGES, Stage, stage
+from qboot.study.store import runs
+from qboot.study.store.runs import Run
+from qboot.study.store.settings import RunSettings
+
+ABLATE = "ablate"
+EVOLVED = ("lineage.npz", "actions.npz", "sensors.npz")  # of a run, from which learners start
+
+
+class Job(NamedTuple):
+    """One process of a study: a stage of a run, or a control experiment."""
+
+    label: str  # for people: task, run or experiment, stage
+    task: str  # as `qboot.envs.get_task` finds it
+    profile: str
+    step: str  # the stage, or "ablate"
+    what: str  # SOURCE-SEED of a run, or the name of an experiment
+    folder: Path  # of the run, or of the experiment
+    arguments: tuple[str, ...]  # of `qboot`
+    needs: tuple[Path, ...]  # files that other jobs make
+    makes: tuple[Path, ...]  # it is done when all of them are there
+    is_parallel: bool  # whether it makes use of several workers
+    run: RunSettings | None = None  # of a stage
+
+    @property
+    def task_name(self) -> str:
+        """The short name of the task."""
+        return get_task(self.task).name
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all that the job makes is there."""
+        if self.run:
+            return stage(self.step).is_done(Run(self.folder, self.run))
+        return all(path.exists() for path in self.makes)
+
+
+def jobs_of(profile: str, task: str | None, out: Path) -> list[Job]:
+    """The jobs of a study in the folder `out`, each after those that it waits for.
+
+    Args:
+        profile: how large.
+        task: one task as `qboot.envs.get_task` finds it; None for those of the paper.
+        out: folder of the study.
+
+    Raises:
+        ValueError: for an unknown task or profile.
+    """
+    tasks = [task] if task else list(BUILT_IN)
+    settings = {name: profiles.runs_of(name, profile) for name in tasks}
+    of_runs = [_stage_job(out, run, stage) for name in tasks for run in settings[name] for stage in STAGES]
+    # Those of the slower simulation first, so that the cores are busy to the end.
+    return of_runs + [_control_job(out, name, what, profile, settings[name]) for name in tasks[::-1] for what in WHATS]
+
+
+def waits_for(job: Job, table: list[Job]) -> list[Job]:
+    """The jobs of the table that make what a job needs."""
+    return [other for other in table if not set(other.makes).isdisjoint(job.needs)]
+
+
+def _stage_job(out: Path, run: RunSettings, stage: Stage) -> Job:
+    name, folder = get_task(run.task).name, runs.folder_of(out, run)
+    begin = ("--task", run.task, "--profile", run.profile, "--source", run.source, "--seed", str(run.seed))
+    return Job(
+        label=f"{name} {folder.name} {stage.name}",
+        task=run.task,
+        profile=run.profile,
+        step=stage.name,
+        what=folder.name,
+        folder=folder,
+        # The first stage begins the run; the others find its settings in the folder.
+        arguments=(stage.name, *(() if stage.needs else begin), "--out", str(folder)),
+        needs=tuple(folder / file for file in stage.needs),
+        makes=tuple(folder / file for file in stage.makes),
+        is_parallel=stage.is_parallel,
+        run=run,
+    )
+
+
+def _control_job(out: Path, task: str, what: str, profile: str, of_runs: list[RunSettings]) -> Job:
+    """A control experiment; it needs the actions and sensors of all runs of its task, from which its learners start."""
+    name, size = get_task(task).name, profiles.control_size_of(get_task(task), what, profile)
+    at_home: dict[bool, list[Path]] = {True: [], False: []}
+    for place in places(get_task(task), what).values():
+        folder = folder_of_cells(out, name, place.what) / place.condition
+        at_home[place.what == what] += [folder / str(seed) / "qlearning.csv" for seed in range(size.runs)]
+    return Job(
+        label=f"{name} {what}",
+        task=task,
+        profile=profile,
+        step=ABLATE,
+        what=what,
+        folder=folder_of_cells(out, name, what),
+        arguments=(ABLATE, "--task", task, "--what", what, "--profile", profile, "--out", str(out)),
+        needs=(
+            *(runs.folder_of(out, run) / file for run in of_runs for file in EVOLVED),
+            *at_home[False],  # cells that it has in common with another experiment
+        ),
+        makes=tuple(at_home[True]),
+        is_parallel=True,
+    )

@@ -1,0 +1,82 @@
+"""What is published of a study: the small files behind its numbers and its figures of scores, with checksums.
+
+Networks are left out, and columns that no figure needs; `qboot report` and `experiments/results.py` read the copy as
+they read a study. Figures that replay networks say that they are missing.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from qboot.study.store import files, provenance, runs
+from qboot.study.store.files import RunError
+from qboot.study.store.runs import AnyRun
+from qboot.study.store.settings import CellSettings
+
+CHECKSUMS = "SHA256SUMS"
+_LEARNING = ("episode", "score", "steps")
+# Columns or arrays that are kept of each file; None for the whole file. Configurations and times are copied too.
+CONTENTS: Mapping[str, tuple[str, ...] | None] = {
+    "history.csv": ("generation", "episodes", "best"),
+    "qlearning.csv": _LEARNING,
+    "generalisation.csv": None,
+    "transfer.csv": None,
+    "lineage.npz": ("ids", "parents", "births", "scores"),
+    "actions.npz": None,
+    "sensors.npz": ("selected",),
+}
+
+
+def publish(study: Path, out: Path) -> int:
+    """Copy what is published of a study into a new folder, and list it in its SHA256SUMS.
+
+    Returns:
+        The size of all that was written, in bytes.
+
+    Raises:
+        RunError: if there are no runs below `study`, a file is damaged, or `out` is there already.
+    """
+    found, _ = runs.runs_below(study)
+    if out.exists():
+        raise RunError(f"{out} exists already: choose another folder, or delete it")
+    some: list[AnyRun] = [*found]
+    some += [runs.load(config.parent, CellSettings) for config in sorted(study.glob("ablations/*/*/*/*/config.json"))]
+    for run in some:
+        _publish(run, replace(run, folder=out / run.folder.relative_to(study)))
+    for timing in [*study.glob("*/*/timing.csv"), *study.glob("ablations/*/*/timing.csv")]:
+        shutil.copyfile(timing, out / timing.relative_to(study))
+    made = sorted(path for path in out.rglob("*") if path.is_file())
+    sums = "".join(f"{files.digest(path)}  {path.relative_to(out).as_posix()}\n" for path in made)
+    files.write_text(out / CHECKSUMS, sums)
+    return sum(path.stat().st_size for path in [*made, out / CHECKSUMS])
+
+
+def changed_files(published: Path) -> list[str]:
+    """Files of a published study that are missing or not what its SHA256SUMS say."""
+    lines = (published / CHECKSUMS).read_text().splitlines()
+    sums = [line.split("  ", 1) for line in lines]
+    return [name for digest, name in sums if files.digest(published / name) != digest]
+
+
+def _publish(run: AnyRun, copy: AnyRun) -> None:
+    """Copy what is published of a run or a cell; the copy has a record of its own, of what is in it."""
+    copy.folder.mkdir(parents=True)
+    shutil.copyfile(run.file("config.json"), copy.file("config.json"))
+    for recipe in provenance.OF_CELLS if isinstance(run.settings, CellSettings) else provenance.OF_RUNS:
+        for name in recipe.makes:
+            if name in CONTENTS and provenance.is_whole(run, name):
+                _copy(run.file(name), copy.file(name))
+                provenance.record(copy, name, files.digest(copy.file(name)))
+
+
+def _copy(source: Path, target: Path) -> None:
+    kept = CONTENTS[source.name]
+    if kept is None:
+        shutil.copyfile(source, target)
+    elif source.suffix == ".csv":
+        columns = files.read_csv(source)
+        files.write_csv(target, {name: columns[name] for name in kept if name in columns})
+    else:
+        arrays = files.read_npz(source)
+        files.write_npz(target, {name: arrays[name] for name in kept if name in arrays})

@@ -1,0 +1,99 @@
+"""What a study costs: proportions that must hold whatever the rates are, and the dry run's table."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from toy_tasks import corridor
+
+from qboot import cli
+from qboot.study import calibration, costs, dry_run, jobs
+
+RATES = costs.Costs(
+    start=1.0,
+    compile_evolution=10.0,
+    compile_learning=5.0,
+    rollout_step=1e-6,
+    acting_step=2e-6,
+    update=1e-5,
+    weight=1e-10,
+    lived=0.5,
+)
+
+
+@pytest.fixture
+def table(tmp_path):
+    return jobs.jobs_of("quick", "ball_collecting", tmp_path)
+
+
+def changed(job, **settings):
+    return job._replace(run=replace(job.run, **settings))
+
+
+def test_evolution_costs_every_step_of_every_rollout(table):
+    run = table[0].run
+    steps = (2 + run.evolution.generations) * run.evolution.population * 2 * run.n_steps
+    # A distance is drawn anew after 50 of the 250 generations; each of the four has a program of its own.
+    assert costs.seconds_of(table[0], RATES) == {"evolve": pytest.approx(1 + 4 * 10 + steps * 1e-6)}
+
+
+def test_learning_costs_steps_and_updates(table):
+    job = table[2]
+    run = job.run
+    steps = 2 * run.n_steps * RATES.lived
+    duration = (run.actions.min_duration + run.actions.max_duration) / 2
+    weights = run.actions.n_actions * (costs.SHARE_OF_INPUTS * 8 * 13) * run.learner.hidden
+    # Each decision is an update, and each is replayed `eta` times once the store is full.
+    updates = steps / duration * (1 + run.learner.eta)
+    episode = steps * 2e-6 + updates * (1e-5 + weights * 1e-10)
+    assert costs.seconds_of(job, RATES) == {"learn": pytest.approx(1 + 5 + run.episodes * episode)}
+
+
+def test_a_transfer_reports_three_parts_in_their_order(table):
+    job = table[3]
+    parts = costs.seconds_of(job, RATES)
+    assert list(parts) == ["target_learn", "target_er", "target_er_transfer"]
+    none = costs.seconds_of(changed(job, target_generations=0, target_episodes=0), RATES)
+    assert all(none[name] < parts[name] for name in parts)
+
+
+def test_a_control_experiment_costs_as_many_episodes_as_its_learners(table):
+    free = RATES._replace(start=0.0, compile_evolution=0.0, compile_learning=0.0)
+    by_what = {job.what: sum(costs.seconds_of(job, free).values()) for job in table if not job.run}
+    # Equal learners of equal networks; five conditions learn with all inputs of 12 steps, three with a human's.
+    assert by_what["sensors"] > by_what["actions"] * 5 / 3
+    without_weights = free._replace(weight=0.0)
+    by_what = {job.what: sum(costs.seconds_of(job, without_weights).values()) for job in table if not job.run}
+    assert by_what["sensors"] == pytest.approx(by_what["actions"] * 5 / 3)
+    assert by_what["sensors"] == pytest.approx(by_what["n_actions"])
+
+
+def test_the_dry_run_starts_nothing_and_ends_with_the_sum(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dry_run, "measure", lambda task, n_steps: RATES)
+    out = tmp_path / "study"
+    assert cli.main(["reproduce", "--dry-run", "--profile", "quick", "--out", str(out)]) == 0
+    assert not out.exists()
+    lines = capsys.readouterr().out.splitlines()
+    last = re.fullmatch(r"(\d+\.\d\d) core-hours", lines[-1])
+    assert last
+    rows = [line.split() for line in lines[1 : lines.index("")]]
+    assert len(rows) == len(jobs.jobs_of("quick", None, out))
+    assert sum(float(row[-1]) for row in rows) == pytest.approx(float(last[1]), abs=0.01)
+    assert {row[-2] for row in rows} == {"ready", "waits"}
+    assert [row[-2] for row in rows if "evolve" in row] == ["ready"] * 4
+
+
+def test_what_is_done_costs_nothing(tiny_study, monkeypatch):
+    monkeypatch.setattr(dry_run, "measure", lambda task, n_steps: RATES)
+    lines = list(dry_run.lines("smoke", "ball_collecting", tiny_study))
+    # The study has two learners in each condition of each experiment, as the profile.
+    assert [line.split()[-2:] for line in lines[1:8]] == [["done", "0.0000"]] * 7
+    assert lines[-1] == "0.00 core-hours"
+
+
+def test_rates_are_measured():
+    """On a task whose programs compile in no time."""
+    found = calibration.measure(corridor((0, 3), (5, 2)), 60)
+    assert found.rollout_step > 0 and found.compile_evolution > 0 and found.compile_learning > 0
+    assert found.acting_step >= 0 and found.update >= 0
+    assert 0 < found.lived <= 1

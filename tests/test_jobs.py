@@ -1,0 +1,70 @@
+"""The table of jobs of a study: who makes what, who waits for whom, what is done."""
+
+import pytest
+
+from qboot.envs.registry import BUILT_IN
+from qboot.study import jobs
+from qboot.study.controls import cells
+from qboot.study.pipeline.profiles import PROFILES
+from qboot.study.pipeline.table import STAGES
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_every_file_is_made_by_one_job_and_needed_by_later_ones_alone(profile, tmp_path):
+    made = set()
+    for job in jobs.jobs_of(profile, None, tmp_path):
+        assert set(job.needs) <= made, job.label
+        assert job.makes and made.isdisjoint(job.makes), job.label
+        made.update(job.makes)
+    assert all(path.is_relative_to(tmp_path) for path in made)
+
+
+def test_the_table_of_the_smallest_study(tmp_path):
+    table = jobs.jobs_of("smoke", None, tmp_path)
+    assert len(table) == len(BUILT_IN) * (4 + 3)
+    by_label = {job.label: job for job in table}
+    assert len(by_label) == len(table)
+    evolve, extract = by_label["ball_collecting A-0 evolve"], by_label["ball_collecting A-0 extract"]
+    out = str(tmp_path / "ball_collecting" / "A-0")
+    begin = "--task ball_collecting --profile smoke --source A --seed 0"
+    assert " ".join(evolve.arguments) == f"evolve {begin} --out {out}"
+    assert " ".join(extract.arguments) == f"extract --out {out}"
+    control = by_label["box_pushing n_actions"]
+    assert " ".join(control.arguments) == (
+        f"ablate --task box_pushing --what n_actions --profile smoke --out {tmp_path}"
+    )
+    # Five numbers of actions, two learners of each.
+    assert len(control.makes) == 10
+    assert tmp_path / "ablations" / "box_pushing" / "n_actions" / "7" / "1" / "qlearning.csv" in control.makes
+    waits = {each.label for each in jobs.waits_for(control, table)}
+    assert waits == {"box_pushing A-0 evolve", "box_pushing A-0 extract"}
+    assert jobs.waits_for(evolve, table) == []
+
+
+def test_a_control_experiment_waits_for_all_runs_of_its_task(tmp_path):
+    table = jobs.jobs_of("quick", "ball_collecting", tmp_path)
+    control = next(job for job in table if job.step == jobs.ABLATE)
+    assert {job.what for job in jobs.waits_for(control, table)} == {"A-0", "B-0"}
+
+
+def test_a_job_is_done_when_all_that_it_makes_is_there(tiny_study):
+    stages = [job for job in jobs.jobs_of("smoke", "ball_collecting", tiny_study) if job.run]
+    assert [job.step for job in stages if job.is_done] == [stage.name for stage in STAGES]
+    elsewhere = jobs.jobs_of("smoke", "box_pushing", tiny_study)
+    assert not any(job.is_done for job in elsewhere)
+
+
+def test_a_control_experiment_is_done_with_its_last_cell(tmp_path):
+    control = jobs.jobs_of("smoke", "ball_collecting", tmp_path)[-1]
+    for path in control.makes:
+        assert not control.is_done
+        path.parent.mkdir(parents=True)
+        path.touch()
+    assert control.is_done
+    found = (cells.folder_of(tmp_path, "ball_collecting", control.what)).glob("*/*/qlearning.csv")
+    assert sorted(found) == sorted(control.makes)
+
+
+def test_unknown_words_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="unknown profile"):
+        jobs.jobs_of("huge", None, tmp_path)

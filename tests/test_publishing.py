@@ -1,0 +1,102 @@
+"""What is published of a study, and the page of results: the same numbers and figures as from the study itself."""
+
+import re
+import shutil
+
+import pytest
+
+from qboot import cli
+from qboot.study.analysis import verdicts
+from qboot.study.analysis.claims import claims
+from qboot.study.analysis.rules import CANNOT_TELL
+from qboot.study.controls.cells import find
+from qboot.study.controls.conditions import WHATS
+from qboot.study.report import page, results
+from qboot.study.store import files, publishing, runs
+from qboot.study.store.files import RunError
+
+REPLAYED = ("segmentation", "evolved_behaviour", "learned_behaviour")
+
+
+@pytest.fixture(scope="module")
+def published(tiny_study, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("published") / "study"
+    assert cli.main(["publish", "--out", str(tiny_study), "--to", str(folder)]) == 0
+    return folder
+
+
+def pictures(text):
+    """The pictures of a report by the anchor of their figure."""
+    parts = re.split(r'id="ball_collecting-figure-', text)[1:]
+    return {part.split('"')[0]: re.findall(r"data:image/png;base64,([^\"]+)", part) for part in parts}
+
+
+def test_a_report_on_what_is_published_has_the_same_figures(tiny_study, published, tmp_path):
+    whole, copy = tmp_path / "whole", tmp_path / "copy"
+    shutil.copytree(tiny_study, whole)
+    shutil.copytree(published, copy)
+    of_whole, of_copy = (pictures(page.write(folder).read_text()) for folder in (whole, copy))
+    for name, drawn in of_whole.items():
+        assert len(drawn) == 1 and of_copy[name] == ([] if name in REPLAYED else drawn), name
+    assert "published without its networks" in (copy / "report.html").read_text()
+
+
+def test_what_is_published_is_small_and_without_networks(tiny_study, published):
+    names = {path.name for path in published.rglob("*") if path.is_file()}
+    assert names == {*publishing.CONTENTS, publishing.CHECKSUMS, "config.json", "files.json"}
+    assert sorted(files.read_npz(published / "ball_collecting/A-0/lineage.npz")) == [
+        "births",
+        "ids",
+        "parents",
+        "scores",
+    ]
+    said = [
+        [
+            repr((row.measure, row.value, row.quartiles, row.interval, row.verdict))
+            for row in verdicts.rows(runs.find(study))
+        ]
+        for study in (tiny_study, published)
+    ]
+    assert said[0] == said[1]
+
+
+def test_a_changed_file_is_found(published, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(published, copy)
+    assert publishing.changed_files(copy) == []
+    (copy / "ball_collecting/A-0/history.csv").write_text("generation,episodes,best\n0,1,8\n")
+    (copy / "ball_collecting/A-0/transfer.csv").unlink()
+    assert publishing.changed_files(copy) == ["ball_collecting/A-0/history.csv", "ball_collecting/A-0/transfer.csv"]
+
+
+def test_a_folder_is_not_published_over(tiny_study, published):
+    with pytest.raises(RunError, match="exists already"):
+        publishing.publish(tiny_study, published)
+    with pytest.raises(RunError):
+        publishing.publish(published / "none", published / "new")
+
+
+def test_every_claim_has_an_answer_and_a_reason(tiny_study):
+    some = runs.find(tiny_study)
+    found = claims({what: find(tiny_study, "ball_collecting", what) for what in WHATS}, some)
+    assert len(found) == 11 + 3 + 10
+    assert all(claim.verdict.why and claim.printed and claim.section for claim in found)
+    assert {claim.verdict.answer for claim in found} == {CANNOT_TELL}  # one tiny run tells nothing
+    assert {claim.n for claim in found} == {1, 2}
+
+
+def test_the_page_of_results_is_made_between_its_marks(tiny_study, published, tmp_path):
+    path = results.write(tiny_study, tmp_path / "docs")
+    made = path.read_text()
+    assert made.count("cannot be told**") == 24 and "Of the paper's 24 claims 0 agree, 0 differ" in made
+    pictured = re.findall(r"!\[[^]]*\]\((figures/[^)]+)\)", made)
+    assert [name[len("figures/fig") :][:2] for name in pictured] == ["06", "08", "09", "17", "18", "19"]
+    path.write_text("# Results\n\nBefore.\n" + made.removeprefix("# Results\n\n") + "\nAfter.\n")
+    digests = {name: (path.parent / name).read_bytes() for name in pictured}
+    again = results.write(published, tmp_path / "docs").read_text()
+    assert again.startswith("# Results\n\nBefore.\n" + results.START) and again.endswith("\nAfter.\n")
+    assert made.removeprefix("# Results\n\n").strip() in again
+    assert {name: (path.parent / name).read_bytes() for name in pictured} == digests
+    path.write_text("by hand")
+    with pytest.raises(RunError, match="lacks the marks"):
+        results.write(tiny_study, tmp_path / "docs")

@@ -1,0 +1,49 @@
+"""The workflow for clusters: the same jobs as `qboot reproduce`, and Slurm's words."""
+
+import subprocess
+import sys
+
+import pytest
+
+from qboot import cli
+from qboot.study import jobs, workflow
+from qboot.study.workflow.slurm_status import status_of
+
+
+def test_snakemake_plans_a_rule_for_each_job(tmp_path):
+    pytest.importorskip("snakemake", reason="the extra `cluster` is not installed")
+    out = tmp_path / "study"
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(workflow.SNAKEFILE), "--dry-run", "--cores", "2"]
+    config = ["--config", "profile=quick", "task=ball_collecting", f"out={out}"]
+    result = subprocess.run([*command, *config], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    stats = (result.stdout + result.stderr).rpartition("Job stats:")[2].partition("Reasons:")[0]
+    counted = dict(line.rsplit(maxsplit=1) for line in stats.splitlines() if line.strip() and line[0].isalpha())
+    assert {name: int(n) for name, n in counted.items() if name not in ("job", "total", "all", "report")} == {
+        **dict.fromkeys(("evolve", "extract", "learn", "transfer"), 2),
+        **{f"ball_collecting_{what}": 1 for what in ("actions", "sensors", "n_actions")},
+    }
+    assert int(counted["total"]) == len(jobs.jobs_of("quick", "ball_collecting", out)) + 2
+    assert not out.exists()
+
+
+def test_the_command_line_tells_where_the_workflow_is(capsys):
+    assert cli.main(["workflow"]) == 0
+    assert capsys.readouterr().out.strip() == str(workflow.SNAKEFILE)
+    assert workflow.SNAKEFILE.exists()
+
+
+@pytest.mark.parametrize(
+    ("description", "status"),
+    [
+        ("JobId=7 JobName=evolve JobState=PENDING Reason=Resources", "running"),
+        ("JobId=7 JobName=evolve JobState=RUNNING Reason=None", "running"),
+        ("JobId=7 JobName=evolve JobState=COMPLETED Reason=None", "success"),
+        ("JobId=7 JobName=evolve JobState=FAILED Reason=NonZeroExitCode", "failed"),
+        ("JobId=7 JobName=evolve JobState=NODE_FAIL Reason=None", "failed"),
+        ("JobId=7 JobName=evolve JobState=CANCELLED Reason=None", "failed"),
+        ("", "success"),  # forgotten: its files tell
+    ],
+)
+def test_what_slurm_says_of_a_job(description, status):
+    assert status_of(description) == status
