@@ -23,7 +23,7 @@ from qboot.extraction.actions import ActionSet
 from qboot.extraction.baselines import chosen_sensors
 from qboot.extraction.clustering import fuzzy_c_means
 from qboot.extraction.sensors import SensorSettings, sensor_votes
-from qboot.neuroevolution import dnn, evaluation, evolve, nsga2
+from qboot.neuroevolution import dnn, evaluation, evolve, nsga2, variation
 from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.problem import Problem
@@ -76,13 +76,39 @@ def environment(name: str, physics: str, batch: int) -> dict:
     return {"batch": batch, "steps_per_second": batch * n_steps / seconds, "compile_s": compile_seconds}
 
 
-def controllers(name: str, physics: str, batch: int) -> dict:
-    """Steps of environment and evolved network together, one thread."""
-    task = get_task(name, physics)
+def networks(batch: int, max_hidden: int) -> dict:
+    """Steps of networks alone, one thread."""
+    settings = DnnSettings(max_hidden=max_hidden)
+    n_steps = 2000
+
+    @jax.jit
+    def run(genomes):
+        networks = jax.vmap(dnn.express, in_axes=(0, None))(genomes, settings)
+
+        def step(activities, _):
+            return jax.vmap(dnn.step)(networks, activities, activities[:, :1] * jnp.ones(settings.n_inputs)), None
+
+        return jax.lax.scan(step, jax.vmap(dnn.rest)(networks), None, n_steps)[0]
+
+    compile_seconds, seconds = timed(run, random_genomes(batch, settings))
+    return {"batch": batch, "steps_per_second": batch * n_steps / seconds, "compile_s": compile_seconds}
+
+
+def mutation(n: int) -> dict:
+    """Mutants of n networks, one thread."""
+    settings = DnnSettings()
+    run = jax.jit(jax.vmap(lambda key, genome: variation.mutate(key, genome, settings, variation.MutationRates())))
+    compile_seconds, seconds = timed(run, jax.random.split(jax.random.key(0), n), random_genomes(n, settings))
+    return {"batch": n, "s": seconds, "compile_s": compile_seconds}
+
+
+def controllers(name: str, physics: str, batch: int, diversity: str = "hamming", **changes) -> dict:
+    """Steps of environment, evolved network and recorder together, one thread; `changes` are to the task."""
+    task = get_task(name, physics)._replace(**changes)
     network = defaults_of(task).dnn
     domains = task.source_domains("A")
 
-    parts = task, network, DISTANCES["hamming"].recorder, domains
+    parts = task, network, DISTANCES[diversity].recorder, domains
     run = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
     arguments = random_genomes(batch, network), jax.random.split(jax.random.key(1), batch)
     compile_seconds, seconds = timed(run, *arguments)
@@ -207,7 +233,17 @@ def sensors(n_traces: int) -> dict:
 CORES = os.cpu_count() or 1
 BENCHMARKS = {
     "ball_collecting environment": partial(environment, "ball_collecting", "fastsim", 32),
-    "ball_collecting controllers": partial(controllers, "ball_collecting", "fastsim", 16),
+    **{
+        f"ball_collecting controllers, {diversity}": partial(controllers, "ball_collecting", "fastsim", 16, diversity)
+        for diversity in DISTANCES
+    },
+    **{
+        f"ball_collecting controllers, batch {batch}": partial(controllers, "ball_collecting", "fastsim", batch)
+        for batch in (4, 64)
+    },
+    "ball_collecting controllers, 1000 steps": partial(controllers, "ball_collecting", "fastsim", 16, max_steps=1000),
+    **{f"networks, {hidden} hidden": partial(networks, 16, hidden) for hidden in (0, 20, 80)},
+    "mutation": partial(mutation, 128),
     "ball_collecting generation": partial(generation, "ball_collecting", "fastsim", CORES),
     "box_pushing mjx environment": partial(environment, "box_pushing", "mjx", 240),
     "box_pushing mjx controllers": partial(controllers, "box_pushing", "mjx", 16),

@@ -78,7 +78,7 @@ class Task(NamedTuple):
     position: Callable[[Domain, Any], jax.Array]  # -> () int32 >= 0: cell of the discretised trajectory
     outcome: Callable[[Domain, Any], jax.Array]  # -> (k,) vector compared by the ad hoc distance
     trajectory_period: int  # steps between two recorded cells
-    lanes: int = 16  # rollouts that run best side by side on one core; changes no result
+    lanes: int = 8  # rollouts that run best side by side on one core
     dt: float = 1.0  # seconds of a timestep; 1 where a task has no clock
     physics: tuple[str, ...] = ("own",)  # names of what it can run on, the one of record first
     on_physics: Callable[[str], Task] | None = None  # the task on another one of them

@@ -89,6 +89,8 @@ def run(
 
     def advance(carry):
         progress, rows = carry
+        # Lanes for which there is no rollout repeat one that goes on, and write the same: one that is over would blank
+        # the rows of its last chunk.
         places = _first(_goes_on(task, progress), n_lanes)
         here = jax.tree.map(lambda leaf: leaf[places], (networks, domains, progress))
         # A lane for which no rollout is left runs the last one again, which may be over amid a chunk: what it did there
@@ -132,9 +134,9 @@ def _run_chunk(
 
 
 def _first(mask: jax.Array, n: int) -> jax.Array:
-    """Indices (n,) of the first n that are true in `mask` (N,); the last one for those that there are not."""
-    ranks = jnp.cumsum(mask)
-    return jnp.minimum(jnp.sum(ranks <= jnp.arange(n)[:, None], axis=1), len(mask) - 1)
+    """Indices (n,) of the first n that are true in `mask` (N,), of which one is; the first again for want of more."""
+    places = jnp.sum(jnp.cumsum(mask) <= jnp.arange(n)[:, None], axis=1)
+    return jnp.where(places < len(mask), places, places[0])
 
 
 def _put(tables: Any, values: Any, index: tuple[jax.Array, ...]) -> Any:

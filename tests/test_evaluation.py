@@ -1,0 +1,88 @@
+"""The evaluation loop against an oracle that runs one rollout at a time, step by step."""
+
+from functools import partial
+
+import jax
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from qboot.neuroevolution import dnn, evaluation
+from qboot.neuroevolution.distances import DISTANCES
+from qboot.neuroevolution.dnn import DnnSettings
+from qboot.neuroevolution.recorders import FLOW, STATES, Recorder, Timestep
+from tests.toy_tasks import CELLS, RANDOM, assert_same, corridor
+
+PARTS = (*[distance.recorder for distance in DISTANCES.values()], FLOW, STATES)
+
+
+def start_all(task):
+    return tuple(part.start(task) for part in PARTS)
+
+
+def update_all(task, domain, summaries, timestep):
+    pairs = [part.update(task, domain, one, timestep) for part, one in zip(PARTS, summaries, strict=True)]
+    return tuple(zip(*pairs, strict=True))
+
+
+def finish_all(task, domain, summaries, rows, final):
+    triples = zip(PARTS, summaries, rows, strict=True)
+    return tuple(part.finish(task, domain, one, some, final) for part, one, some in triples)
+
+
+EVERYTHING = Recorder(start_all, update_all, finish_all)
+
+
+@partial(jax.jit, static_argnums=0)
+def one_step(task, network, domain, state, activities, summary):
+    activities = dnn.step(network, activities, state.observation)
+    command = activities[: len(task.effectors)]
+    summary, row = EVERYTHING.update(task, domain, summary, Timestep(state, command))
+    return task.step(domain, state, command), activities, summary, row
+
+
+def one_rollout(task, network, domain, key):
+    """Descriptor, reward and steps of a rollout."""
+    state, activities, summary = task.reset(key, domain), dnn.rest(network), EVERYTHING.start(task)
+    nothing = jax.eval_shape(partial(one_step, task), network, domain, state, activities, summary)[3]
+    nothing = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), nothing)
+    rows, reward = [], np.float32(0)
+    while len(rows) < task.max_steps and not state.done and not task.truncated(state):
+        state, activities, summary, row = one_step(task, network, domain, state, activities, summary)
+        rows.append(row)
+        reward += np.float32(state.reward)
+    steps = len(rows)
+    rows = jax.tree.map(lambda *leaves: np.stack(leaves), *rows, *[nothing] * (task.max_steps - steps))
+    return EVERYTHING.finish(task, domain, summary, rows, state), reward / task.reward, steps
+
+
+def assert_as_one_by_one(task, network, genomes, keys, n_lanes):
+    domains = task.source_domains("A")
+    found = evaluation.evaluate(task._replace(lanes=n_lanes), network, EVERYTHING, domains, genomes, keys)
+    rollouts, n_rollouts = evaluation.rollouts_of(task, domains)
+    for i in range(len(keys)):
+        expressed = dnn.express(jax.tree.map(lambda leaf, i=i: leaf[i], genomes), network)
+        for j in range(n_rollouts):
+            domain = jax.tree.map(lambda leaf, j=j: leaf[j], rollouts)
+            expected = one_rollout(task, expressed, domain, jax.random.fold_in(keys[i], j))
+            kept = jax.tree.map(lambda leaf, i=i, j=j: leaf[i, j], found)
+            # Another program rounds the last bit of a network's outputs differently.
+            assert_same(
+                jax.tree.leaves((kept.descriptors, kept.scores, kept.steps)), jax.tree.leaves(expected), rtol=1e-5
+            )
+
+
+def random_genomes(n, network):
+    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), n), network)
+
+
+# One goal is far, one near, from a random start: rollouts of all lengths, 43 being no multiple of a chunk.
+CORRIDOR = corridor((0, RANDOM), (1, 2), max_steps=43, rollouts_per_domain=2)
+CORRIDOR_NETWORK = DnnSettings(n_inputs=CELLS + 1, n_outputs=1, max_hidden=2, max_connections=12)
+
+
+@given(st.integers(1, 7), st.integers(1, 9))
+@settings(max_examples=4, deadline=None)
+def test_any_number_of_rollouts_in_any_number_of_lanes(n_controllers, n_lanes):
+    keys = jax.random.split(jax.random.key(n_controllers), n_controllers)
+    assert_as_one_by_one(CORRIDOR, CORRIDOR_NETWORK, random_genomes(n_controllers, CORRIDOR_NETWORK), keys, n_lanes)
