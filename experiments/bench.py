@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.episode_bench import calibration, episode
 from qboot import qlearning
 from qboot.envs import get_task
 from qboot.extraction.actions import ActionSet
@@ -206,6 +207,7 @@ def sensors(n_traces: int) -> dict:
 
 CORES = os.cpu_count() or 1
 BENCHMARKS = {
+    "machine": calibration,
     "ball_collecting environment": partial(environment, "ball_collecting", "fastsim", 32),
     "ball_collecting controllers": partial(controllers, "ball_collecting", "fastsim", 16),
     "ball_collecting generation": partial(generation, "ball_collecting", "fastsim", CORES),
@@ -223,6 +225,15 @@ BENCHMARKS = {
     "ball_collecting sweep, all lanes": partial(sweep_of_seeds, "ball_collecting", 30, 30, 5),
     "box_pushing sweep": partial(sweep_of_seeds, "box_pushing", 30, LANES, 20),
     "box_pushing sweep, all lanes": partial(sweep_of_seeds, "box_pushing", 30, 30, 20),
+    # Around the paper's size of ball collecting, and of the arm.
+    "ball_collecting episode": partial(episode, "ball_collecting", 17, 40, 125),
+    "ball_collecting episode, 4 actions": partial(episode, "ball_collecting", 4, 40, 125),
+    "ball_collecting episode, 50 actions": partial(episode, "ball_collecting", 50, 40, 125),
+    "ball_collecting episode, 10 inputs": partial(episode, "ball_collecting", 17, 10, 125),
+    "ball_collecting episode, 120 inputs": partial(episode, "ball_collecting", 17, 120, 125),
+    "ball_collecting episode, 35 hidden": partial(episode, "ball_collecting", 17, 40, 35),
+    "ball_collecting episode, 250 hidden": partial(episode, "ball_collecting", 17, 40, 250),
+    "box_pushing episode": partial(episode, "box_pushing", 7, 40, 35),
     "nsga2 selection": partial(selection, 256),
     "fuzzy c-means": partial(clustering, 100_000),
     "sensor selection": partial(sensors, 50),
