@@ -22,7 +22,7 @@ from qboot.qlearning import (
     replay,
     smdp_target,
 )
-from qboot.qlearning.acting import explore, greedy
+from qboot.qlearning.acting import choose
 from qboot.qlearning.inputs import read_inputs
 from qboot.qlearning.networks import network_of, train
 from qboot.qlearning.replay import empty_store, empty_trajectory, keep_best, replay_order, replayed_transition
@@ -131,12 +131,11 @@ def test_choice_is_uniform_over_the_masked_actions_or_greedy():
     action_mask = jnp.array([True, False, True, True, False])
     values = jnp.array([1.0, 9, 3, 2, 9])
     keys = jax.random.split(jax.random.key(0), 3000)
-    explore_each = jax.jit(jax.vmap(explore, (0, None, None)))
-    explored = explore_each(keys, action_mask, 1.0)
+    choose_each = jax.jit(jax.vmap(choose, (0, None, None, None)))
+    explored = choose_each(keys, values, action_mask, 1.0)
     np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, action_mask / 3, atol=0.03)
-    assert set(np.asarray(explore_each(keys, action_mask, 0.0))) == {-1}
-    np.testing.assert_allclose((explore_each(keys, action_mask, 0.3) >= 0).mean(), 0.3, atol=0.03)
-    assert greedy(values, action_mask) == 2
+    greedy = choose_each(keys, values, action_mask, 0.0)
+    assert set(np.asarray(greedy)) == {2}
 
 
 def test_replay_goes_through_each_trajectory_backwards():
