@@ -235,7 +235,7 @@ BENCHMARKS = {
     "ball_collecting episode, 120 inputs": partial(episode, "ball_collecting", 17, 120, 125),
     "ball_collecting episode, 35 hidden": partial(episode, "ball_collecting", 17, 40, 35),
     "ball_collecting episode, 250 hidden": partial(episode, "ball_collecting", 17, 40, 250),
-    "box_pushing episode": partial(episode, "box_pushing", 7, 40, 35),
+    "box_pushing kinematic episode": partial(episode, "box_pushing", 7, 40, 35, "kinematic"),
     "nsga2 selection": partial(selection, 256),
     "fuzzy c-means": partial(clustering, 100_000),
     "sensor selection": partial(sensors, 50),
