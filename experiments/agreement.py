@@ -1,14 +1,17 @@
-"""Do evolved networks of box pushing score the same on both physics?
+"""Do policies of box pushing score the same in both physics?
 
-    python experiments/agreement.py RUN [RUN ...]
+    python experiments/agreement.py [RUN ...] [--random N] [--seeds N]
 
-Every network of the lineages of finished runs is tested on MuJoCo (mjx) and on its closed-form twin (kinematic), from
-the same random starts on the source blocks. Prints one JSON object:
+Tested on MuJoCo (mjx) and on its closed-form twin (kinematic), from the same random starts on the source blocks: the
+networks of the lineages of finished runs and the greedy policies that those runs have learned, random networks of the
+first generation, and greedy policies of random Q-networks. Prints one JSON object per kind of policy:
 
-    networks, tests           how many
-    outcome_agreement         share of tests that end alike: pushed, touched otherwise, or not touched
-    largest_score_difference  between the two scores (of 15) that a network has
-    score_mjx, score_kinematic  means over the networks
+    policies, rollouts        how many
+    different                 rollouts that end otherwise: pushed, touched otherwise, or not touched; of Q-networks,
+                              scores in one domain (of 5) that are not equal
+    outcome_agreement         share of those that do not differ
+    largest_score_difference  between the two scores (of 15) that a policy has
+    score_mjx, score_kinematic  means over the policies
 """
 
 import argparse
@@ -16,17 +19,25 @@ import json
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from qboot import qlearning
 from qboot.envs.box_pushing import PHYSICS, on_physics
-from qboot.neuroevolution import evaluation
+from qboot.extraction.actions import ActionSet
+from qboot.extraction.baselines import chosen_sensors
+from qboot.neuroevolution import dnn, evaluation
 from qboot.neuroevolution.dnn import DnnSettings, Genome
 from qboot.neuroevolution.recorders import FLOW
+from qboot.study.pipeline.learning import problem_on
+from qboot.study.pipeline.profiles import defaults_of
 from qboot.study.store import runs
-from qboot.study.store.artifacts import read_lineage
+from qboot.study.store.artifacts import read_lineage, read_networks
 from qboot.study.store.files import RunError
+from qboot.study.store.runs import Run
 
 
 def rollouts(physics: str, genomes: Genome, settings: DnnSettings, seed: int) -> evaluation.Evaluation:
@@ -46,45 +57,100 @@ def agreement(genomes: Genome, settings: DnnSettings, seed: int = 0) -> dict[str
         """0 not touched, 1 touched, 2 pushed; a touch in the very last step counts as not touched."""
         return np.where(result.scores > 0, 2, result.steps < longest)
 
-    scores = [result.scores.sum(axis=1) for result in (mjx, kinematic)]
+    return figures(ends(mjx) != ends(kinematic), np.asarray(mjx.scores), np.asarray(kinematic.scores))
+
+
+def agreement_of_policies(networks: Any, problem: qlearning.Problem, seed: int = 0) -> dict[str, float]:
+    """The same figures for the greedy policies of B Q-networks (leading axis), by their scores in each domain."""
+    n = len(jax.tree.leaves(networks)[0])
+    keys = jax.random.split(jax.random.key(seed), n)
+
+    def scores(physics: str) -> np.ndarray:
+        there = qlearning.Problem(
+            on_physics(physics), problem.settings, problem.domains, problem.actions, problem.inputs
+        )
+        return np.asarray(jax.jit(jax.vmap(partial(qlearning.evaluate, problem=there)))(networks, keys))
+
+    mjx, kinematic = (scores(physics) for physics in PHYSICS)
+    found = figures(mjx != kinematic, mjx, kinematic)
+    return found | {"rollouts": mjx.size * problem.task.rollouts_per_domain}
+
+
+def figures(different: np.ndarray, mjx: np.ndarray, kinematic: np.ndarray) -> dict[str, float]:
+    """What is printed, from what differs and the scores (B, ...) in both physics."""
+    totals = [scores.reshape(len(scores), -1).sum(axis=1) for scores in (mjx, kinematic)]
     return {
-        "networks": len(scores[0]),
-        "rollouts": mjx.scores.size,
-        "outcome_agreement": float((ends(mjx) == ends(kinematic)).mean()),
-        "largest_score_difference": float(np.abs(scores[0] - scores[1]).max()),
-        "score_mjx": float(scores[0].mean()),
-        "score_kinematic": float(scores[1].mean()),
+        "policies": len(mjx),
+        "rollouts": mjx.size,
+        "different": int(different.sum()),
+        "outcome_agreement": float(1.0 - different.mean()),
+        "largest_score_difference": float(np.abs(totals[0] - totals[1]).max()),
+        "score_mjx": float(totals[0].mean()),
+        "score_kinematic": float(totals[1].mean()),
     }
 
 
-def lineages(some: list[Path]) -> tuple[Genome, DnnSettings]:
+def lineages(some: list[Run]) -> tuple[Genome, DnnSettings]:
     """All networks of the lineages of runs, which must share their settings.
 
     Raises:
         RunError: if a folder is no run of box pushing that has evolved, or the topologies differ.
     """
-    found = [runs.load(folder) for folder in some]
-    for run in found:
+    for run in some:
         if run.settings.task != "box_pushing":
             raise RunError(f"{run.folder} is a run of {run.settings.task}: give runs of box_pushing")
-        if run.settings.dnn != found[0].settings.dnn:
-            raise RunError(f"{run.folder} has networks with other settings than {found[0].folder}: compare them apart")
-    genomes = [read_lineage(run).genomes for run in found]
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *genomes), found[0].settings.dnn
+        if run.settings.dnn != some[0].settings.dnn:
+            raise RunError(f"{run.folder} has networks with other settings than {some[0].folder}: compare them apart")
+    genomes = [read_lineage(run).genomes for run in some]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *genomes), some[0].settings.dnn
+
+
+def random_networks(n: int) -> tuple[Genome, DnnSettings]:
+    """N networks of the first generation."""
+    settings = defaults_of(on_physics("mjx")).dnn
+    return jax.vmap(dnn.random_genome, (0, None))(jax.random.split(jax.random.key(0), n), settings), settings
+
+
+def random_policies(n: int) -> tuple[Any, qlearning.Problem]:
+    """N random Q-networks over the actions and sensors that an expert designed."""
+    task = on_physics("mjx")
+    assert task.expert is not None
+    inputs = qlearning.input_set(chosen_sensors(task.expert.sensors, task.sensors))
+    actions = ActionSet(*map(jnp.asarray, task.expert.actions()))
+    problem = qlearning.Problem(task, defaults_of(task).learner, task.source_domains("A"), actions, inputs)
+    return jax.vmap(problem.new_networks)(jax.random.split(jax.random.key(0), n)), problem
+
+
+def learned_policy(run: Run) -> tuple[Any, qlearning.Problem]:
+    """The Q-networks of a run (B = 1)."""
+    problem = problem_on(run, on_physics("mjx").source_domains("A"))
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], read_networks(run, problem)), problem
 
 
 def main() -> int:
-    """Print the JSON object."""
+    """Print a JSON object per kind of policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folder of a finished run of box pushing")
-    parser.add_argument("--seed", type=int, default=0, help="of the starts")
+    parser.add_argument("runs", nargs="*", type=Path, metavar="RUN", help="folder of a finished run of box pushing")
+    parser.add_argument("--random", type=int, default=500, help="random networks, and as many random Q-networks")
+    parser.add_argument("--seeds", type=int, default=1, help="episodes of each policy, from different starts")
     options = parser.parse_args()
     try:
-        print(json.dumps(agreement(*lineages(options.runs), options.seed)))
+        some = [runs.load(folder) for folder in options.runs]
+        evolved = [("lineages", *lineages(some))] if some else []
     except RunError as error:
         print(error, file=sys.stderr)
         return 2
+    for seed in range(options.seeds):
+        for kind, *which in [*evolved, ("random networks", *random_networks(options.random))]:
+            print(json.dumps({"kind": kind, "seed": seed, **agreement(*which, seed)}), flush=True)
+        learned = [(f"learned by {run.folder.name}", *learned_policy(run)) for run in some if _has_learned(run)]
+        for kind, *which in [*learned, ("random Q-networks", *random_policies(options.random))]:
+            print(json.dumps({"kind": kind, "seed": seed, **agreement_of_policies(*which, seed)}), flush=True)
     return 0
+
+
+def _has_learned(run: Run) -> bool:
+    return run.file("qnets.npz").exists()
 
 
 if __name__ == "__main__":

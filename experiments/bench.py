@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.episode_bench import ACTION_DURATION, calibration, episode, full_store
 from qboot import qlearning
 from qboot.envs import get_task
 from qboot.extraction.actions import ActionSet
@@ -28,7 +29,7 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.problem import Problem
 from qboot.neuroevolution.settings import EvolutionSettings
-from qboot.study.controls.sweep import LANES, learn_side_by_side
+from qboot.study.controls.sweep import learn_side_by_side
 from qboot.study.pipeline.profiles import defaults_of
 
 # Steps per second of the authors' simulators on one core: whole evaluation loop with a small network.
@@ -169,11 +170,13 @@ def q_learning(name: str, n_episodes: int) -> dict:
 def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict:
     """Q-learners that differ in their seed: side by side in programs of `lanes`, and one after another, one thread.
 
+    Each replays a full store from its first episode on, as learners do that have found rewards.
     `ratio` is the time of all side by side over that of all one after another; `equal` counts the seeds whose scores
     are the same in every episode; `weights` is the largest difference of a weight, over the largest weight.
     """
     problem = expert_problem(name)
-    alone = [qlearning.init(key, problem) for key in jax.random.split(jax.random.key(0), n_seeds)]
+    keys, length = jax.random.split(jax.random.key(0), n_seeds), problem.task.max_steps // ACTION_DURATION
+    alone = [full_store(qlearning.init(key, problem), problem, length) for key in keys]
     blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
     stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), problem)
 
@@ -232,6 +235,7 @@ def sensors(n_traces: int) -> dict:
 
 CORES = os.cpu_count() or 1
 BENCHMARKS = {
+    "machine": calibration,
     "ball_collecting environment": partial(environment, "ball_collecting", "fastsim", 32),
     **{
         f"ball_collecting controllers, {diversity}": partial(controllers, "ball_collecting", "fastsim", 16, diversity)
@@ -255,10 +259,19 @@ BENCHMARKS = {
     "box_pushing kinematic environment": partial(environment, "box_pushing", "kinematic", 240),
     "box_pushing kinematic generation": partial(generation, "box_pushing", "kinematic", CORES),
     "q_learning": partial(q_learning, "ball_collecting", 10),
-    "ball_collecting sweep": partial(sweep_of_seeds, "ball_collecting", 30, LANES, 5),
+    "ball_collecting sweep": partial(sweep_of_seeds, "ball_collecting", 30, 5, 5),
     "ball_collecting sweep, all lanes": partial(sweep_of_seeds, "ball_collecting", 30, 30, 5),
-    "box_pushing sweep": partial(sweep_of_seeds, "box_pushing", 30, LANES, 20),
+    "box_pushing sweep": partial(sweep_of_seeds, "box_pushing", 30, 5, 20),
     "box_pushing sweep, all lanes": partial(sweep_of_seeds, "box_pushing", 30, 30, 20),
+    # Around the paper's size of ball collecting, and of the arm.
+    "ball_collecting episode": partial(episode, "ball_collecting", 17, 40, 125),
+    "ball_collecting episode, 4 actions": partial(episode, "ball_collecting", 4, 40, 125),
+    "ball_collecting episode, 50 actions": partial(episode, "ball_collecting", 50, 40, 125),
+    "ball_collecting episode, 10 inputs": partial(episode, "ball_collecting", 17, 10, 125),
+    "ball_collecting episode, 120 inputs": partial(episode, "ball_collecting", 17, 120, 125),
+    "ball_collecting episode, 35 hidden": partial(episode, "ball_collecting", 17, 40, 35),
+    "ball_collecting episode, 250 hidden": partial(episode, "ball_collecting", 17, 40, 250),
+    "box_pushing kinematic episode": partial(episode, "box_pushing", 7, 40, 35, "kinematic"),
     "nsga2 selection": partial(selection, 256),
     "fuzzy c-means": partial(clustering, 100_000),
     "sensor selection": partial(sensors, 50),

@@ -129,7 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--runs", type=int, help="learners per condition; default as the profile says")
     sub.add_argument("--episodes", type=int, help="Q-learning episodes of each; default as the profile says")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
-    sub.add_argument("--lanes", type=int, help="learners side by side in a program, default 5")
+    sub.add_argument("--lanes", type=int, help="learners side by side in a program, default 1")
     sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
     sub = command("replay", "an HTML page that plays the best network and the Q-policy of a run", _replay)
     sub.add_argument("--out", type=Path, required=True, help="run folder")

@@ -74,8 +74,40 @@ def test_first_contact_decides(physics):
 def test_both_physics_move_the_block_alike():
     offsets = [case[0] for case in CASES]
     mjx, kinematic = (pushed(physics, offsets) for physics in PHYSICS)
-    np.testing.assert_allclose(mjx.travelled, kinematic.travelled, atol=2e-4)
-    np.testing.assert_allclose(mjx.block, kinematic.block, atol=2e-4)
+    np.testing.assert_allclose(mjx.travelled, kinematic.travelled, atol=2e-7)
+    np.testing.assert_allclose(mjx.block, kinematic.block, atol=2e-7)
+
+
+@pytest.mark.parametrize("n_states", [6_000, pytest.param(200_000, marks=pytest.mark.slow)])
+def test_the_closed_form_is_the_step_of_mujoco(n_states):
+    """From states apart, in contact, and within a few millimetres of it, edges and corners included."""
+    widths = blocks.SOURCE_WIDTHS + blocks.TARGET_WIDTHS
+    domain = jax.tree.map(lambda leaf: jnp.resize(leaf, (n_states, 3)), blocks.stacked(widths))
+    keys = jax.random.split(jax.random.key(1), 5)
+    block = jax.random.uniform(keys[0], (n_states, 2), minval=blocks.BLOCK_LOW, maxval=blocks.BLOCK_HIGH)
+    block = jnp.concatenate([block, blocks.TABLE_TOP + domain.half_size[:, 2:]], axis=1)
+    reach = domain.half_size + arm.HALF_SIZE
+    offset = jax.random.uniform(keys[1], (n_states, 3), minval=-1.0, maxval=1.0) * (reach + 0.01)
+    at_edge = jnp.sign(offset) * (reach - jax.random.uniform(keys[2], (n_states, 3), maxval=0.003))
+    offset = jnp.where(jax.random.bernoulli(keys[4], 0.3, (n_states, 3)), at_edge, offset)
+    command = jax.random.uniform(keys[3], (n_states, 3))
+
+    mjx, kinematic = (
+        jax.tree.map(np.asarray, jax.jit(jax.vmap(physics.move))(domain, block + offset, block, command))
+        for physics in (physics_mjx, physics_kinematic)
+    )
+    touching = mjx.touching & kinematic.touching
+    assert 0.2 < touching.mean() < 0.8
+    # Where the tip's surface is within rounding of the block's, either answer is right.
+    assert (mjx.touching != kinematic.touching).sum() <= n_states // 50_000
+    # Beyond an edge MuJoCo's normal comes from a nearest point that is rounded.
+    normal_error = np.abs(mjx.normal - kinematic.normal).max(axis=1)
+    on_face = np.abs(kinematic.normal).max(axis=1) == 1.0
+    np.testing.assert_allclose(normal_error[touching & on_face], 0.0, atol=1e-6)
+    assert (normal_error[touching] < 1e-2).mean() > 0.99
+    alike = (mjx.touching == kinematic.touching) & (~touching | (normal_error < 1e-6))
+    np.testing.assert_allclose(mjx.hand[alike], kinematic.hand[alike], atol=2e-7)
+    np.testing.assert_allclose(mjx.block[alike], kinematic.block[alike], atol=2e-7)
 
 
 @pytest.mark.parametrize("physics", PHYSICS)
@@ -105,6 +137,9 @@ def test_model_has_the_constants_of_the_arm():
     np.testing.assert_allclose(model.geom("hand").size, arm.HALF_SIZE)
     assert model.pair_solimp[0, 0] == physics_kinematic.SHARE_OF_ADVANCE
     np.testing.assert_allclose(-model.pair_solref[0, 0] * arm.TIME_STEP**2, physics_kinematic.SHARE_OF_OVERLAP)
+    assert model.geom("tip").size[0] == physics_kinematic.TIP
+    assert model.body_mass[-1] == physics_kinematic.BLOCK_MASS
+    np.testing.assert_allclose(model.body_invweight0[-2:, 0].sum(), physics_kinematic.MEAN_INVERSE_MASS)
 
 
 def test_starts():
@@ -221,7 +256,7 @@ def outcomes(physics, seed, n_tests):
 @pytest.mark.parametrize("n_tests", [600, pytest.param(12_000, marks=pytest.mark.slow)])
 def test_both_physics_agree(n_tests):
     mjx, kinematic = (outcomes(physics, 0, n_tests) for physics in PHYSICS)
-    assert (mjx == kinematic).all(axis=0).mean() >= 0.995
+    assert (mjx == kinematic).all()
     ended, succeeded = mjx.mean(axis=1)
     assert succeeded > 0.1 and ended - succeeded > 0.1  # both outcomes are well represented
 
@@ -235,7 +270,8 @@ def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
     for seed in range(n_seeds):
         found = agreement.agreement(genomes, DnnSettings(feed_forward=True), seed)
         assert found["rollouts"] == 15 * len(genomes.weights) >= 450
-        assert found["outcome_agreement"] >= 0.995
+        # A contact within rounding of the threshold may end otherwise: 1 of the first 40,800 of these rollouts.
+        assert found["different"] <= 1
         assert found["largest_score_difference"] <= 1
         assert 3 < found["score_mjx"] < 12  # pushes and failures are well represented
 

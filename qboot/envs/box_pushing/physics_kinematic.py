@@ -1,32 +1,60 @@
 """Closed-form physics of box pushing, the fast twin of `physics_mjx`.
 
-The hand keeps no velocity and a rollout ends at its first contact, so hand, contact and face are exact. The
-block's shift in the contact step is quasi-static: fixed shares of the hand's advance and of the overlap.
+The hand keeps no velocity and a rollout ends at its first contact, so the hand's motion is exact. Hand and block meet
+as in `model.xml`: neither box turns, so their contact is that of a small sphere with the grown block. One frictionless
+contact makes MuJoCo's constraint problem one-dimensional, and its solution is written out.
 """
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from qboot.envs.box_pushing import arm, domains
+from qboot.envs.box_pushing import arm
 from qboot.envs.box_pushing.domains import Block
 
-# What the block moves by in the recorded contact steps, the same numbers as in model.xml.
-SHARE_OF_ADVANCE = 0.54
+# The same numbers as in model.xml.
+TIP = 0.001  # m, radius of the sphere; its edges round those of the grown block
+SHARE_OF_ADVANCE = 0.54  # what the block moves by in the recorded contact steps
 SHARE_OF_OVERLAP = 0.65
+BLOCK_MASS = 0.01  # kg
+ON_TABLE = np.array([1.0, 1.0, 0.0], np.float32)  # the table carries the block
+# What a unit impulse does to the distance of hand and block, 1/kg: along each axis, and as MuJoCo estimates it.
+INVERSE_MASS = 1.0 / arm.MOVED_MASS + ON_TABLE / BLOCK_MASS
+MEAN_INVERSE_MASS = float(np.mean(1.0 / arm.MOVED_MASS)) + 1.0 / BLOCK_MASS
+
+
+def contact(domain: Block, hand: jax.Array, block: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Overlap of hand and block at their centres `hand` (3,) and `block` (3,), as MuJoCo finds it.
+
+    Returns:
+        The depth () of the overlap in metres, negative where they are apart, and the unit normal (3,) from the block
+        to the hand: an axis, but for a hand within a millimetre of an edge.
+    """
+    offset = hand - block
+    grown = domain.half_size + arm.HALF_SIZE - TIP
+    outside = jnp.abs(offset) - grown  # of the sphere's centre, along each axis
+    side = jnp.where(offset > 0.0, 1.0, -1.0)
+    least = jnp.max(outside)  # a centre inside leaves by the nearest face
+    gap = jnp.maximum(outside, 0.0)
+    distance = jnp.sqrt(jnp.sum(gap**2))
+    beyond_edge = jnp.sum(gap > 0.0) > 1
+    face = jnp.arange(3) == jnp.argmax(outside)
+    normal = side * jnp.where(beyond_edge, gap / jnp.where(beyond_edge, distance, 1.0), face)
+    return TIP - jnp.where(beyond_edge, distance, least), normal
 
 
 def move(domain: Block, hand: jax.Array, block: jax.Array, command: jax.Array) -> arm.Motion:
     """One step from centres `hand` (3,) and `block` (3,) under `command` (3,) in [0, 1]."""
     displacement = arm.STEP_PER_COMMAND * (arm.admissible(hand, command) - 0.5)
-    depths = domains.overlap_depths(domain, hand, block)
-    touching = jnp.all(depths > 0.0)
-    face = jnp.arange(3) == jnp.argmin(depths)  # two boxes part most easily along the axis of least overlap
-    normal = jnp.where(face, jnp.where(hand > block, 1.0, -1.0), 0.0)
-    shift = jnp.maximum(SHARE_OF_OVERLAP * depths - SHARE_OF_ADVANCE * displacement * normal, 0.0) * normal
-    sideways = jnp.array([True, True, False])  # the table carries the block
+    depth, normal = contact(domain, hand, block)
+    touching = depth > 0.0
+    # MuJoCo's soft constraint in one dimension: an impulse times a step, kg m, that acts on block and hand.
+    yielding = SHARE_OF_ADVANCE * jnp.sum(normal**2 * INVERSE_MASS) + (1.0 - SHARE_OF_ADVANCE) * MEAN_INVERSE_MASS
+    push = jnp.maximum(SHARE_OF_OVERLAP * depth - SHARE_OF_ADVANCE * jnp.dot(displacement, normal), 0.0) / yielding
+    push = jnp.where(touching, push, 0.0) * normal
     return arm.Motion(
-        hand=hand + displacement,
-        block=block - jnp.where(touching & sideways, shift, 0.0),
+        hand=hand + displacement + push / arm.MOVED_MASS,
+        block=block - push * ON_TABLE / BLOCK_MASS,
         touching=touching,
         normal=normal,
     )

@@ -36,8 +36,8 @@ from qboot.study.store.settings import CellSettings
 Tree = TypeVar("Tree")
 Cell = Run[CellSettings]
 
-# Learners side by side in a program, unless told otherwise.
-LANES = 5
+# Learners side by side in a program, unless told otherwise: on a CPU one by one is fastest (docs/performance.md).
+LANES = 1
 CHECKPOINT = "learn.checkpoint.npz"
 
 learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
