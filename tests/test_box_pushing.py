@@ -201,7 +201,7 @@ def test_brax_environment(physics):
 
 
 def test_unknown_choices_are_refused():
-    with pytest.raises(ValueError, match="unknown block size 3"):
+    with pytest.raises(ValueError, match="unknown block size 6"):
         BoxPushing(size=6)
     with pytest.raises(ValueError, match="unknown physics 'ode'"):
         BoxPushing(physics="ode")
