@@ -30,7 +30,7 @@ def registered(monkeypatch):
 
 def tiny(settings):
     evolution = replace(settings.evolution, population=8, generations=3)
-    return replace(settings, evolution=evolution, actions=replace(settings.actions, n_actions=3))
+    return replace(settings, evolution=evolution)
 
 
 @pytest.mark.filterwarnings("ignore:only .* of the .* extracted actions are distinct")
