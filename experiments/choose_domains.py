@@ -10,13 +10,11 @@ import math
 from collections.abc import Iterator
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import trivial_controllers
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from qboot.envs import geometry
 from qboot.envs.ball_collecting import domains as arenas
 from qboot.envs.ball_collecting import dynamics
 from qboot.envs.ball_collecting.domains import Arena, Placement
@@ -158,12 +156,8 @@ def wrapped(angle: float) -> float:
 
 
 def domain_of(walls: np.ndarray, place: Placement) -> Arena:
-    """A placement among walls (M, 4) as arrays."""
-    fields = (
-        geometry.pad_walls(walls, arenas.N_WALLS), *place,
-        arenas.BASKET_RADIUS, arenas.RADIUS, arenas.LASER_RANGE, arenas.PIXEL, arenas.SIDE,
-    )  # fmt: skip
-    return Arena(*(jnp.asarray(field, jnp.float32) for field in fields))
+    """A placement among walls (M, 4), those of the border first, as arrays."""
+    return arenas.among_walls(walls[len(arenas.BORDER) :], place)
 
 
 def draw(rng: np.random.Generator, room: np.ndarray) -> Placement | None:

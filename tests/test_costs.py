@@ -4,10 +4,12 @@ import re
 from dataclasses import replace
 
 import pytest
+from conftest import tiny_settings
 from toy_tasks import corridor
 
 from qboot import cli
 from qboot.study import calibration, costs, dry_run, jobs
+from qboot.study.pipeline import profiles
 
 RATES = costs.Costs(
     start=1.0,
@@ -87,6 +89,8 @@ def test_the_dry_run_starts_nothing_and_ends_with_the_sum(tmp_path, monkeypatch,
 
 def test_what_is_done_costs_nothing(tiny_study, monkeypatch):
     monkeypatch.setattr(dry_run, "measure", lambda task, n_steps: RATES)
+    # A stage is done when its files were made with the settings that the study asks for.
+    monkeypatch.setattr(profiles, "runs_of", lambda name, profile: [tiny_settings()])
     lines = list(dry_run.lines("smoke", "ball_collecting", tiny_study))
     # The study has two learners in each condition of each experiment, as the profile.
     assert [line.split()[-2:] for line in lines[1:8]] == [["done", "0.0000"]] * 7

@@ -86,11 +86,15 @@ def arena(name: str, placement: int) -> Arena:
         raise ValueError(f"unknown arena {name!r}: choose one of {', '.join(ARENAS)}")
     if placement not in range(len(PLACEMENTS[name])):
         raise ValueError(f"unknown placement {placement!r} of arena {name}: choose 0, 1 or 2")
-    border = np.array(BORDER, np.float32)
-    inner = pad_walls(np.array(ARENAS[name], np.float32), N_INNER_WALLS)
-    place = PLACEMENTS[name][placement]
+    return among_walls(np.array(ARENAS[name], np.float32), PLACEMENTS[name][placement])
+
+
+def among_walls(inner_walls: np.ndarray, place: Placement) -> Arena:
+    """A placement in the border and among at most N_INNER_WALLS `inner_walls` (M, 4), in pixels."""
+    inner = pad_walls(inner_walls, N_INNER_WALLS)
     fields = (
-        np.concatenate([border, inner]), inner, place.start, place.balls, place.switch, place.basket,
+        np.concatenate([np.array(BORDER, np.float32), inner]), inner,
+        place.start, place.balls, place.switch, place.basket,
         BASKET_RADIUS, RADIUS, LASER_RANGE, PIXEL, SIDE,
     )  # fmt: skip
     return Arena(*(jnp.asarray(field, jnp.float32) for field in fields))
