@@ -20,7 +20,7 @@ reproduce: $(VENV)/installed
 	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) --out $(OUT)
 
 test: $(VENV)/installed
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 test-slow: $(VENV)/installed
 	$(BIN)/pytest -m slow

@@ -1,5 +1,13 @@
 """Shared fixtures: a tiny study, run once for all tests that only read it."""
 
+import os
+from pathlib import Path
+
+# One store of compiled programs for all tests and the processes that they start. It is named before jax is imported;
+# otherwise a command under test would name one of its own, for all tests after it.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
 import shutil
 import warnings
 from dataclasses import replace
