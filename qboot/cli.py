@@ -141,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("reproduce", "all runs of a study, spread over the cores, and the report", _reproduce)
     sub.add_argument("--profile", default="quick", help=profiles)
     sub.add_argument("--task", help="one task alone; default those of the paper")
+    sub.add_argument("--physics", help="what that task runs on; default what it is on record with")
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--jobs", type=int, help="runs at a time; default one per core")
     sub.add_argument(
@@ -249,11 +250,11 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     if options.dry_run:
         from qboot.study import dry_run
 
-        for line in dry_run.lines(options.profile, options.task, out):
+        for line in dry_run.lines(options.profile, options.task, out, options.physics):
             print(line)
         return
     runner.share_compiled_programs(out)
-    runner.reproduce(options.profile, options.task, out, options.jobs)
+    runner.reproduce(options.profile, options.task, out, options.jobs, options.physics)
     print(page.write(out))
 
 

@@ -60,16 +60,24 @@ def test_a_transfer_reports_three_parts_in_their_order(table):
 
 
 def test_a_control_experiment_costs_as_many_episodes_as_its_learners(table):
-    free = RATES._replace(start=0.0, compile_evolution=0.0, compile_learning=0.0)
+    free = RATES._replace(start=0.0, compile_evolution=0.0, compile_learning=0.0, update=0.0, weight=0.0)
     by_what = {job.what: sum(costs.seconds_of(job, free).values()) for job in table if not job.run}
     learners = {job.what: len(job.makes) for job in table if not job.run}
-    # Equal learners of equal networks; some learn with all inputs of 12 steps, others with a human's.
-    assert by_what["sensors"] > by_what["actions"] * learners["sensors"] / learners["actions"]
-    without_weights = free._replace(weight=0.0)
-    by_what = {job.what: sum(costs.seconds_of(job, without_weights).values()) for job in table if not job.run}
+    # Steps of the robot alone, the same for every learner.
     each = {what: by_what[what] / learners[what] for what in by_what}
     assert each["sensors"] == pytest.approx(each["actions"])
     assert each["n_actions"] == pytest.approx(each["actions"])
+
+
+def test_a_learner_costs_by_its_own_actions_and_inputs(table):
+    sensors = next(job for job in table if job.what == "sensors")
+    weights = RATES._replace(start=0.0, compile_learning=0.0, acting_step=0.0, update=0.0)
+    # Of the 3 learners of each condition: 13 sensors now, 60 % of 104 twice, up to 156; what a human chose is at home
+    # in the other experiment. 17 actions of 15 steps each.
+    updates = 2 * 4_000 * RATES.lived / 15 * 4
+    inputs = 13 + 2 * 0.6 * 104 + 156
+    expected = 3 * 80 * updates * 17 * inputs * 125 * RATES.weight
+    assert costs.seconds_of(sensors, weights)["ablate"] == pytest.approx(expected)
 
 
 def test_the_dry_run_starts_nothing_and_ends_with_the_sum(tmp_path, monkeypatch, capsys):
@@ -90,7 +98,7 @@ def test_the_dry_run_starts_nothing_and_ends_with_the_sum(tmp_path, monkeypatch,
 def test_what_is_done_costs_nothing(tiny_study, monkeypatch):
     monkeypatch.setattr(dry_run, "measure", lambda task, n_steps: RATES)
     # A stage is done when its files were made with the settings that the study asks for.
-    monkeypatch.setattr(profiles, "runs_of", lambda name, profile: [tiny_settings()])
+    monkeypatch.setattr(profiles, "runs_of", lambda name, profile, physics: [tiny_settings()])
     lines = list(dry_run.lines("smoke", "ball_collecting", tiny_study))
     # The study has two learners in each condition of each experiment, as the profile.
     assert [line.split()[-2:] for line in lines[1:8]] == [["done", "0.0000"]] * 7

@@ -70,3 +70,14 @@ def test_a_control_experiment_is_done_with_its_last_cell(tmp_path):
 def test_unknown_words_are_refused(tmp_path):
     with pytest.raises(ValueError, match="unknown profile"):
         jobs.jobs_of("huge", None, tmp_path)
+
+
+def test_a_study_runs_on_the_physics_that_was_asked_for(tmp_path):
+    table = jobs.jobs_of("smoke", "box_pushing", tmp_path, "kinematic")
+    assert {job.run.physics for job in table if job.run} == {"kinematic"}
+    assert table[0].arguments[9:11] == ("--physics", "kinematic")
+    assert "--physics" not in jobs.jobs_of("smoke", "box_pushing", tmp_path, "mjx")[0].arguments
+    with pytest.raises(ValueError, match="choose one of mjx, kinematic"):
+        jobs.jobs_of("smoke", "box_pushing", tmp_path, "fastsim")
+    with pytest.raises(ValueError, match="--physics kinematic without --task"):
+        jobs.jobs_of("smoke", None, tmp_path, "kinematic")

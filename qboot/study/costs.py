@@ -5,6 +5,7 @@ Evolution costs the same for every step of every rollout, whoever is in it. Q-le
 robot, and so much for each update, after a decision or in the replay, by the size of the networks.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ import numpy as np
 from qboot.envs.registry import get_task
 from qboot.envs.task import Domain, Task
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.controls.conditions import LAGS
+from qboot.study.controls.conditions import LAGS, places
 from qboot.study.jobs import Job
 from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
@@ -105,23 +106,46 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
 
 
 def _of_control(job: Job, costs: Costs) -> dict[str, float]:
-    """All learners of an experiment; they are padded to the most actions and inputs of all its conditions."""
+    """All learners of an experiment, a program for each condition."""
     task = get_task(job.task)
-    defaults, size, expert = defaults_of(task), control_size_of(task, job.what, job.profile), task.expert
-    durations = expert.actions().durations if expert else defaults.random_durations
-    n_extracted = defaults.actions.n_actions
-    n_actions = {"actions": n_extracted, "n_actions": max(defaults.n_actions)}.get(job.what, 0)
-    n_inputs = LAGS * len(task.sensors) if job.what == "sensors" else 0
-    learning = _Learning(
+    size = control_size_of(task, job.what, job.profile)
+    # The extraction of other numbers of actions plays the traces again.
+    seconds = costs.start + (costs.compile_evolution if job.what == "n_actions" else 0.0)
+    for condition, place in places(task, job.what).items():
+        if place.what == job.what:
+            episode = _control_learning(job, condition).seconds(costs)
+            seconds += costs.compile_learning + size.runs * size.episodes * episode
+    return {job.step: seconds}
+
+
+def _control_learning(job: Job, condition: str) -> _Learning:
+    """An episode of a condition, with as many actions and inputs as are to be expected."""
+    task = get_task(job.task)
+    defaults, expert, n_sensors = defaults_of(task), task.expert, len(task.sensors)
+    limits = defaults.actions.min_duration, defaults.actions.max_duration
+    extracted = {str(n): (n, limits) for n in (*defaults.n_actions, defaults.actions.n_actions)}
+    own = extracted[str(defaults.actions.n_actions)]
+    of_actions: dict[str, tuple[int, Sequence[int]]] = extracted | {
+        "extracted": own,
+        "random": (own[0], defaults.random_durations),
+        "human": (len(expert.actions().durations), expert.actions().durations) if expert else own,
+    }
+    selected = n_selected(task, defaults)
+    of_inputs = {
+        "instant": n_sensors,
+        "human": sum(map(len, expert.sensors)) if expert else selected,
+        "selected": selected,
+        "random": LAGS * n_sensors,  # any number up to that, and the others are padded to the largest
+        "random+": selected,
+    }
+    # All of an experiment differs in one thing; the other is what a human designed.
+    n_actions, durations = of_actions["human" if job.what == "sensors" else condition]
+    return _Learning(
         settings=defaults.learner,
         rollouts_per_domain=task.rollouts_per_domain,
         n_rollouts=n_rollouts(task, task.source_domains(task.sources[0])),
         n_steps=size_of(task, job.profile).n_steps,
-        n_actions=max(n_actions, len(durations) if expert else n_extracted),
-        n_inputs=max(n_inputs, sum(map(len, expert.sensors)) if expert else n_selected(task, defaults)),
+        n_actions=n_actions,
+        n_inputs=of_inputs[condition if job.what == "sensors" else "human"],
         duration=float(np.mean(durations)),
     )
-    episodes = len(job.makes) * size.episodes
-    # Several learners side by side are a larger program, and their extraction is played again.
-    compiling = 2 * costs.compile_learning + (costs.compile_evolution if job.what == "n_actions" else 0.0)
-    return {job.step: costs.start + compiling + episodes * learning.seconds(costs)}

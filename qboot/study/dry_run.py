@@ -12,15 +12,16 @@ from qboot.study.pipeline.profiles import size_of
 HOUR = 3600.0
 
 
-def lines(profile: str, task: str | None, out: Path) -> Iterable[str]:
+def lines(profile: str, task: str | None, out: Path, physics: str | None = None) -> Iterable[str]:
     """A table of the jobs, sums by task and kind, and on the last line the core-hours left on this machine.
 
     Raises:
-        ValueError: for an unknown task or profile.
+        ValueError: for an unknown task, profile or physics.
     """
-    table = jobs_of(profile, task, out)
+    table = jobs_of(profile, task, out, physics)
     left = dict.fromkeys(job.task for job in table if not job.is_done)
-    return described(table, {name: measure(get_task(name), size_of(get_task(name), profile).n_steps) for name in left})
+    sizes = {name: size_of(get_task(name), profile).n_steps for name in left}
+    return described(table, {name: measure(get_task(name, physics), n_steps) for name, n_steps in sizes.items()})
 
 
 def described(table: list[Job], costs: Mapping[str, Costs]) -> Iterable[str]:

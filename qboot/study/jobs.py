@@ -44,19 +44,22 @@ class Job(NamedTuple):
         return all(path.exists() for path in self.makes)
 
 
-def jobs_of(profile: str, task: str | None, out: Path) -> list[Job]:
+def jobs_of(profile: str, task: str | None, out: Path, physics: str | None = None) -> list[Job]:
     """The jobs of a study in the folder `out`, each after those that it waits for.
 
     Args:
         profile: how large.
         task: one task as `qboot.envs.get_task` finds it; None for those of the paper.
         out: folder of the study.
+        physics: what the one task runs on; None for what each is on record with.
 
     Raises:
-        ValueError: for an unknown task or profile.
+        ValueError: for an unknown task, profile or physics, or a physics for several tasks.
     """
+    if physics and not task:
+        raise ValueError(f"--physics {physics} without --task: tasks differ in what they run on, so say which task")
     tasks = [task] if task else list(BUILT_IN)
-    settings = {name: profiles.runs_of(name, profile) for name in tasks}
+    settings = {name: profiles.runs_of(name, profile, physics) for name in tasks}
     of_runs = [_stage_job(out, run, stage) for name in tasks for run in settings[name] for stage in STAGES]
     # Those of the slower simulation first, so that the cores are busy to the end.
     return of_runs + [_control_job(out, name, what, profile, settings[name]) for name in tasks[::-1] for what in WHATS]
@@ -69,7 +72,8 @@ def waits_for(job: Job, table: list[Job]) -> list[Job]:
 
 def _stage_job(out: Path, run: RunSettings, stage: Stage) -> Job:
     name, folder = get_task(run.task).name, runs.folder_of(out, run)
-    begin = ("--task", run.task, "--profile", run.profile, "--source", run.source, "--seed", str(run.seed))
+    physics = () if run.physics == get_task(run.task).physics[0] else ("--physics", run.physics)
+    begin = ("--task", run.task, "--profile", run.profile, "--source", run.source, "--seed", str(run.seed), *physics)
     return Job(
         label=f"{name} {folder.name} {stage.name}",
         task=run.task,

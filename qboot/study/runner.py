@@ -47,16 +47,16 @@ class Job:
     error: str = ""  # in words, once it is over
 
 
-def reproduce(profile: str, task: str | None, out: Path, jobs: int | None) -> None:
+def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physics: str | None = None) -> None:
     """All runs of one task or of all, into `out`/TASK/SOURCE-SEED, and their control experiments.
 
     Raises:
-        ValueError: for an unknown task or profile, or jobs below 1.
+        ValueError: for an unknown task, profile or physics, or jobs below 1.
         RunError: if a run or an experiment failed; the others have gone on.
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    table = plan.jobs_of(profile, task, out)
+    table = plan.jobs_of(profile, task, out, physics)
     settings = list(dict.fromkeys(each.run for each in table if each.run))
     for run in settings:
         check(run)

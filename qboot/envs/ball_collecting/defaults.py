@@ -9,7 +9,7 @@ DEFAULTS = Defaults(
     sizes={
         "smoke": Size(1, ("A",), 16, 4, 400, 4, 6, 6, 2),
         "quick": Size(1, ("A", "B"), 128, 250, 4_000, 500, 800, 200, 25),
-        "standard": Size(4, ("A", "B", "C"), 128, 600, 10_000, 500, 2_000, 2_000, 300),
+        "standard": Size(5, ("A", "B", "C"), 128, 600, 10_000, 500, 5_000, 2_000, 300),
         # As printed: 30 runs; ER on the target set up to the paper's median.
         "paper": Size(10, ("A", "B", "C"), 128, 1_000, 10_000, 500, 5_000, 10_000, 2_500),
     },

@@ -10,14 +10,14 @@ DEFAULTS = Defaults(
     sizes={
         "smoke": Size(1, ("A",), 16, 4, 100, 4, 6, 6, 2),
         "quick": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 6),
-        "standard": Size(10, ("A",), 128, 400, 300, 500, 2_000, 2_000, 300),
+        "standard": Size(10, ("A",), 128, 400, 300, 500, 5_000, 2_000, 600),
         # As printed: 30 runs; ER on the target set up to the paper's median.
         "paper": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 2_000),
     },
     controls={
         "smoke": controls(2, actions=4, sensors=4, n_actions=4),
         "quick": controls(3, actions=100, sensors=100, n_actions=100),
-        "standard": controls(10, actions=2_000, sensors=2_000, n_actions=2_000),
+        "standard": controls(10, actions=5_000, sensors=5_000, n_actions=5_000),
         "paper": controls(30, actions=5_000, sensors=5_000, n_actions=5_000),
     },
     learner=LearnerSettings(gamma=0.99, alpha=0.01, hidden=35, input_range=(-3.0, 3.0)),

@@ -1,4 +1,4 @@
-"""Many learners in one program: the cells of a control experiment, padded to one shape, side by side under vmap.
+"""Many learners in one program: the cells of a condition, padded to one shape, one by one or side by side under vmap.
 
 Cells that are as far as each other run together. Each keeps its own checkpoint and its own results, so cells can be
 interrupted, deleted and made again one by one.
@@ -15,13 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from qboot import qlearning
-from qboot.envs.registry import get_task
 from qboot.keys import key
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
-from qboot.study.controls.conditions import Place, is_shared
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
@@ -106,13 +104,12 @@ def _learn_cells(cells: Cells, workers: int) -> None:
 
 
 def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
-    """What each cell of an experiment is padded to: with those of its condition alone where another experiment has it
-    too, so that a cell does not depend on which of them it was made for; with all the others else.
+    """What each cell is padded to: what the cells of its condition fit into. Padding is computed with: four actions in
+    the shape of fifty would cost as much as fifty.
     """
     groups: dict[str, list[Cell]] = {}
     for cell in cells:
-        place = Place(cell.settings.what, cell.settings.condition)
-        groups.setdefault(place.condition if is_shared(get_task(cell.settings.task), place) else "", []).append(cell)
+        groups.setdefault(cell.settings.condition, []).append(cell)
     return {cell: padded for group in groups.values() for padded in [padded_to(group)] for cell in group}
 
 

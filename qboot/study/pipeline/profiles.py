@@ -109,20 +109,20 @@ def control_size_of(task: Task, what: str, profile: str) -> ControlSize:
     return sizes[what]
 
 
-def settings_of(name: str, profile: str, source: str, seed: int) -> RunSettings:
-    """All settings of one run of the task `name` (as `qboot.envs.get_task` finds it).
+def settings_of(name: str, profile: str, source: str, seed: int, physics: str | None = None) -> RunSettings:
+    """All settings of one run of the task `name` (as `qboot.envs.get_task` finds it); None is the physics of record.
 
     Raises:
-        ValueError: for an unknown task, profile or source, or a negative seed.
+        ValueError: for an unknown task, profile, source or physics, or a negative seed.
     """
-    task = get_task(name)
+    task = get_task(name, physics)
     size, defaults = size_of(task, profile), defaults_of(task)
     if source not in task.sources:
         raise ValueError(f"unknown source {source!r} of {task.name}: choose one of {', '.join(task.sources)}")
     return RunSettings(
         task=canonical(name),
         source=source,
-        physics=task.physics[0],
+        physics=physics or task.physics[0],
         seed=seed,
         profile=profile,
         n_steps=size.n_steps,
@@ -139,10 +139,14 @@ def settings_of(name: str, profile: str, source: str, seed: int) -> RunSettings:
     )
 
 
-def runs_of(name: str, profile: str) -> list[RunSettings]:
-    """The settings of all runs of a task in a profile."""
+def runs_of(name: str, profile: str, physics: str | None = None) -> list[RunSettings]:
+    """The settings of all runs of a task in a profile, on the physics of record by default."""
     size = size_of(get_task(name), profile)
-    return [settings_of(name, profile, source, seed) for source in size.sources for seed in range(size.runs_per_source)]
+    return [
+        settings_of(name, profile, source, seed, physics)
+        for source in size.sources
+        for seed in range(size.runs_per_source)
+    ]
 
 
 def _general(task: Task) -> Defaults:
