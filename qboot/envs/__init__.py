@@ -10,8 +10,9 @@ if TYPE_CHECKING:
     from qboot.envs.ball_collecting import BallCollecting
     from qboot.envs.box_pushing import BoxPushing
     from qboot.envs.brax_env import TaskEnv
-    from qboot.envs.brax_task import estimated_range, from_brax
+    from qboot.envs.brax_task import from_brax
     from qboot.envs.gymnasium_env import GymnasiumEnv
+    from qboot.envs.sensor_range import estimated_range
 
 # A task's folder knows the rooms that use tasks, and the rest loads Brax or Gymnasium: imported when asked for.
 _LATER = {
@@ -19,7 +20,7 @@ _LATER = {
     "BoxPushing": "qboot.envs.box_pushing",
     "GymnasiumEnv": "qboot.envs.gymnasium_env",
     "TaskEnv": "qboot.envs.brax_env",
-    "estimated_range": "qboot.envs.brax_task",
+    "estimated_range": "qboot.envs.sensor_range",
     "from_brax": "qboot.envs.brax_task",
 }
 

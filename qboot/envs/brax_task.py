@@ -1,7 +1,6 @@
 """Any Brax environment as a task: what is sensed, what is reached, where it starts, how behaviours are compared."""
 
 import functools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -10,16 +9,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
+from qboot.envs.brax_state import observed, raw, settled, settled_shapes, unless
+from qboot.envs.domain_sets import Sets, all_domains, are_seeds, set_of, sets_by_name
 from qboot.envs.scene import BLUE, ORANGE, Scene, Shape
+from qboot.envs.sensor_range import checked_range, estimated_range
 from qboot.envs.task import Domain, Task, View
 
-# Sensors whose range nobody gave are watched in so many random rollouts of so many steps at most.
-WATCHED_ROLLOUTS = 32
-WATCHED_STEPS = 200
-WATCHED_SEED = 0
-MARGIN = 0.1  # of the range seen, on both sides: a trained robot goes further than a random one
 CELLS = 12  # of the discretised trajectory, along each of its two sensors
 POINTS_OF_A_ROLLOUT = 50  # recorded cells
 NOTE = "The robot is a point in the plane of two of its sensors: {}, from 0 on the left to 1 on the right, and {}."
@@ -113,12 +109,12 @@ def from_brax(
         >>> bool(state.done)
         False
     """
-    sources, source_sets, target_sets = _sets_by_name(source, target)
+    sources, source_sets, target_sets = sets_by_name(source, target)
     first = jax.tree.map(lambda leaf: leaf[0], source_sets[sources[0]])
-    if reset_with is None and any(not _are_seeds(some) for some in (*source_sets.values(), *target_sets.values())):
+    if reset_with is None and any(not are_seeds(some) for some in (*source_sets.values(), *target_sets.values())):
         raise ValueError(f"{name}: domains are whole numbers (seeds), unless reset_with tells how to start in them")
-    template = _settled_shapes(env, functools.partial(_start, env, reset_with), first, name)
-    n_sensors = jax.eval_shape(observe or _observed, template).size
+    template = settled_shapes(env, functools.partial(_start, env, reset_with), first, name)
+    n_sensors = jax.eval_shape(observe or observed, template).size
     sensor_names = _named(name, "sensors", sensors, n_sensors)
     robot = _Robot(
         env=env,
@@ -126,9 +122,9 @@ def from_brax(
         start=functools.partial(_start, env, reset_with),
         success=success,
         reward=(1.0 if success is None else 10.0) if reward is None else float(reward),
-        observe=observe or _observed,
-        bounds=None if observation_range is None else _checked_range(name, "observation_range", observation_range),
-        actions=_checked_range(name, "action_range", action_range),
+        observe=observe or observed,
+        bounds=None if observation_range is None else checked_range(name, "observation_range", observation_range),
+        actions=checked_range(name, "action_range", action_range),
         outcome=outcome,
         plane=_plane(name, grid, sensor_names),
         first=first,
@@ -145,59 +141,17 @@ def from_brax(
         reset=robot.reset,
         step=robot.step,
         truncated=_never,
-        source_domains=functools.partial(_set_of, name, _Sets(source_sets)),
-        target_domains=functools.partial(_set_of, name, _Sets(target_sets)),
+        source_domains=functools.partial(set_of, name, Sets(source_sets)),
+        target_domains=functools.partial(set_of, name, Sets(target_sets)),
         position=robot.position,
         outcome=robot.final,
         trajectory_period=trajectory_period or max(1, max_steps // POINTS_OF_A_ROLLOUT),
         dt=round(float(getattr(env, "dt", 1.0) if dt is None else dt), 6),
     )
-    all_domains = functools.partial(_all_domains, _Sets(source_sets), _Sets(target_sets))
+    domains = functools.partial(all_domains, Sets(source_sets), Sets(target_sets))
     across, down = (sensor_names[place] for place in robot.plane)
     note = NOTE.format(across, down) if scene is None else ""
-    return task._replace(**({"view": View(scene or robot.scene, all_domains, note)} | changes))
-
-
-def estimated_range(
-    env: Any,
-    observe: Callable[[Any], jax.Array] | None = None,
-    action_range: tuple[Any, Any] = (-1.0, 1.0),
-    reset: Callable[[jax.Array], Any] | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest value (S,) of each sensor in random rollouts, widened by a tenth and rounded outwards.
-
-    32 rollouts of 200 steps, or until done, with uniform actions, always from the same seed. The ends are rounded to
-    two digits of the range, so that other hardware finds the same. A sensor that never varied gets a range around its
-    value.
-
-    Args:
-        env: as for `from_brax`.
-        observe: as for `from_brax`.
-        action_range: as for `from_brax`.
-        reset: key -> the environment's state; default `env.reset`.
-    """
-    watch = observe or _observed
-    begin = reset or env.reset
-    low, high = _checked_range("estimated_range", "action_range", action_range)
-    template = _settled_shapes(env, lambda key, _: begin(key), None, "estimated_range")
-
-    def rollout(key: jax.Array) -> tuple[jax.Array, jax.Array]:
-        def step(carry: tuple, key: jax.Array) -> tuple[tuple, None]:
-            state, lowest, highest = carry
-            action = low + jax.random.uniform(key, (env.action_size,)) * (high - low)
-            after = _settled(env.step(jax.tree.map(lambda leaf: leaf, state), action), template)
-            after = _unless(state.done > 0, after, state)
-            seen = watch(after)
-            return (after, jnp.minimum(lowest, seen), jnp.maximum(highest, seen)), None
-
-        state = _settled(begin(_raw(key)), template)
-        carry = state, watch(state), watch(state)
-        (_, lowest, highest), _ = jax.lax.scan(step, carry, jax.random.split(key, WATCHED_STEPS))
-        return lowest, highest
-
-    keys = jax.random.split(jax.random.key(WATCHED_SEED), WATCHED_ROLLOUTS)
-    lowest, highest = jax.device_get(jax.jit(jax.vmap(rollout))(keys))
-    return _rounded_outwards(lowest.min(axis=0), highest.max(axis=0))
+    return task._replace(**({"view": View(scene or robot.scene, domains, note)} | changes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +182,7 @@ class _Robot:
 
     def reset(self, key: jax.Array, domain: Domain) -> BraxState:
         """State at the start of a rollout."""
-        state = _settled(self.start(key, domain), self.template)
+        state = settled(self.start(key, domain), self.template)
         return BraxState(self.sense(state), jnp.float32(0.0), state.done > 0, state)
 
     def step(self, domain: Domain, state: BraxState, command: jax.Array) -> BraxState:
@@ -237,13 +191,13 @@ class _Robot:
         low, high = self.actions
         # Some environments write into the dictionaries of the state that they are given: they get new ones.
         before = jax.tree.map(lambda leaf: leaf, state.env)
-        after = _settled(self.env.step(before, low + command * (high - low)), self.template)
+        after = settled(self.env.step(before, low + command * (high - low)), self.template)
         if self.success is None:
             reward, over = after.reward.astype(jnp.float32), after.done > 0
         else:
             reached = jnp.asarray(self.success(after)) > 0
             reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
-        after = _unless(state.done, after, state.env)
+        after = unless(state.done, after, state.env)
         reward = jnp.where(state.done, jnp.float32(0.0), reward)
         return BraxState(self.sense(after), reward, state.done | over, after)
 
@@ -276,103 +230,10 @@ class _Robot:
         return Scene(0.0, 1.0, 1.0, 0.0, (point,), (point,))
 
 
-class _Sets(dict):
-    """Sets of domains by name of their source; compared as objects, so that tasks can be static arguments."""
-
-    __hash__ = object.__hash__  # type: ignore[assignment]
-    __eq__ = object.__eq__
-
-
-def _set_of(name: str, sets: Mapping[str, Domain], source: str) -> Domain:
-    if source not in sets:
-        raise ValueError(f"unknown source {source!r} of {name}: choose one of {', '.join(sets)}")
-    return sets[source]
-
-
-def _all_domains(source: Mapping[str, Domain], target: Mapping[str, Domain]) -> list[tuple[str, Domain]]:
-    """All domains with names, each once."""
-    found = []
-    for kind, sets in (("source", source), ("target", target)):
-        for name, domains in sets.items():
-            for place in range(len(jax.tree.leaves(domains)[0])):
-                label = f"{kind} {place}" if len(sets) == 1 else f"{kind} {place} of {name}"
-                found.append((label, jax.tree.map(lambda leaf, place=place: leaf[place], domains)))
-    return found
-
-
-def _sets_by_name(source: Any, target: Any) -> tuple[tuple[str, ...], dict[str, Domain], dict[str, Domain]]:
-    both = [_as_mapping(some) for some in (source, target)]
-    if set(both[0]) != set(both[1]):
-        raise ValueError(f"source and target must name the same sources, got {sorted(both[0])} and {sorted(both[1])}")
-    return tuple(both[0]), both[0], both[1]
-
-
-def _as_mapping(domains: Any) -> dict[str, Domain]:
-    by_name = domains if isinstance(domains, Mapping) else {"A": domains}
-    return {name: _as_arrays(some) for name, some in by_name.items()}
-
-
-def _as_arrays(domains: Any) -> Domain:
-    """A set of domains as NumPy arrays with a leading axis D; a list or range of numbers is one array."""
-    is_plain = isinstance(domains, (list, range)) or (isinstance(domains, tuple) and not hasattr(domains, "_fields"))
-    arrays = np.asarray(domains) if is_plain else jax.tree.map(np.asarray, domains)
-    narrow = {"i": np.int32, "u": np.uint32, "f": np.float32}
-    arrays = jax.tree.map(lambda leaf: leaf.astype(narrow.get(leaf.dtype.kind, leaf.dtype)), arrays)
-    lengths = {leaf.shape[:1] for leaf in jax.tree.leaves(arrays)}
-    if len(lengths) != 1 or lengths in ({()}, {(0,)}):
-        raise ValueError(f"a set of domains has one leading axis, at least 1 long, on all its arrays: got {lengths}")
-    return arrays
-
-
-def _are_seeds(domains: Domain) -> bool:
-    return isinstance(domains, np.ndarray) and domains.ndim == 1 and domains.dtype.kind in "iu"
-
-
-def _raw(key: jax.Array) -> jax.Array:
-    """A key as the plain numbers that Brax's environments keep in their `info`."""
-    return jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key
-
-
 def _start(env: Any, reset_with: Callable | None, key: jax.Array, domain: Domain) -> Any:
     if reset_with is None:
         return env.reset(jax.random.PRNGKey(domain))
-    return reset_with(_raw(key), domain)
-
-
-def _settled_shapes(env: Any, start: Callable, domain: Domain, name: str) -> Any:
-    """Shapes and types of the environment's state after a step, which its first state must fit."""
-    action = jax.ShapeDtypeStruct((env.action_size,), jnp.float32)
-    first = jax.eval_shape(start, jax.random.PRNGKey(0), domain)
-    after = jax.eval_shape(lambda state, action: env.step(_strong(state), action), first, action)
-    structures: list[Any] = [jax.tree.structure(first), jax.tree.structure(after)]
-    if structures[0] != structures[1]:
-        raise ValueError(
-            f"{name}: reset and step of the environment return states of different structure: metrics and info must "
-            "have the same entries in both"
-        )
-    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), after)
-
-
-def _strong(state: Any) -> Any:
-    """All leaves as arrays of a fixed type: a weak one may change from step to step."""
-    return jax.tree.map(lambda leaf: jax.lax.convert_element_type(leaf, jnp.asarray(leaf).dtype), state)
-
-
-def _settled(state: Any, template: Any) -> Any:
-    """A state with the types of the template."""
-    return jax.tree.map(lambda leaf, like: jax.lax.convert_element_type(leaf, like.dtype), state, template)
-
-
-def _unless(over: jax.Array, new: Any, old: Any) -> Any:
-    return jax.tree.map(lambda a, b: jnp.where(over, b, a), new, old)
-
-
-def _observed(state: Any) -> jax.Array:
-    """The environment's own observation, flat."""
-    obs = state.obs
-    if isinstance(obs, Mapping) and "state" in obs:
-        obs = obs["state"]
-    return ravel_pytree(obs)[0]
+    return reset_with(raw(key), domain)
 
 
 def _never(state: BraxState) -> jax.Array:
@@ -395,26 +256,6 @@ def _plane(name: str, grid: tuple[int | str, int | str] | None, sensors: tuple[s
     if len(places) != 2 or any(not isinstance(one, int) or not 0 <= one < len(sensors) for one in places):
         raise ValueError(f"{name}: grid is {grid}: it must be two of the sensors {', '.join(sensors)}")
     return int(places[0]), int(places[1])
-
-
-def _checked_range(name: str, kind: str, given: tuple[Any, Any]) -> tuple[np.ndarray, np.ndarray]:
-    low, high = (np.asarray(end, np.float32) for end in given)
-    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
-        raise ValueError(f"{name}: {kind} must be (low, high), finite, low below high, got {given}")
-    return low, high
-
-
-def _rounded_outwards(lowest: np.ndarray, highest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    width = (highest - lowest).astype(float)
-    still = width <= 1e-6 * np.maximum(1.0, np.abs(lowest))
-    width = np.where(still, 2.0 * np.maximum(1.0, np.abs(lowest)), width)
-    centre = (lowest + highest) / 2.0
-    unit = 10.0 ** (np.floor(np.log10(width)) - 1)
-    half = (0.5 + MARGIN) * width
-    low, high = np.floor((centre - half) / unit) * unit, np.ceil((centre + half) / unit) * unit
-    digits = [max(0, 1 - math.floor(math.log10(one))) for one in width]
-    rounded = [[round(float(value), n) for value, n in zip(end, digits, strict=True)] for end in (low, high)]
-    return np.array(rounded[0], np.float32), np.array(rounded[1], np.float32)
 
 
 def _swapped(start: Callable, domain: Domain, key: jax.Array) -> Any:
