@@ -1,10 +1,11 @@
-"""Other methods beside the paper's in each phase: the same task, budget and seeds, and one figure with a row per phase.
+"""Other methods beside the paper's in each phase: the same task, budget and seeds, and a panel per phase.
 
     python experiments/alternatives.py results/alternatives --task box_pushing --physics kinematic --seeds 10
 
 Every seed has a run with the paper's choices. An alternative shares with it all that comes before its phase, copied
 from its folder, and differs in one name. Runs are in OUT/PHASE/NAME-SEED; finished ones are not run again, an
-interrupted one goes on. Prints a table in Markdown and writes OUT/alternatives.png.
+interrupted one goes on. After each seed OUT/scores.csv and OUT/curves.csv hold what there is. At the end, or with
+`--seeds 0` at once, the two are told as a table in Markdown and drawn as OUT/scores.png and OUT/curves.png.
 """
 
 import argparse
@@ -15,7 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import jax
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
 from qboot.extraction.clustering import CLUSTERINGS
 from qboot.extraction.segmentation import SEGMENTATIONS
@@ -25,8 +28,8 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.evaluation import evaluate
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
-from qboot.study.analysis.curves import Curve, columns, common_grid, moving_mean, source_curve, top_score
-from qboot.study.figures.drawing import STYLE, new_figure
+from qboot.study.analysis.curves import columns, common_grid, moving_mean, source_curve, top_score
+from qboot.study.figures.drawing import STYLE, grid_of
 from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import key_of, read_lineage, task_of
@@ -39,13 +42,14 @@ EVOLVED = ("history.csv", "lineage.npz", "pareto.npz")
 EXTRACTED = ("actions.npz", "sensors.npz")
 WINDOW = 20  # episodes of Q-learning that a curve is a mean over
 LAST = 1 / 4  # of the episodes, the final score is the mean over
+POINTS = 120  # of a curve, at most
 FRESH = 20  # episodes that the best network of an evolution is scored by
 
 
 class Phase(NamedTuple):
     """One phase of the method, and who competes in it."""
 
-    title: str
+    title: str  # of the panel; phases of one title share it
     room: str  # of the settings
     field: str  # whose value is the name
     names: tuple[str, ...]  # the paper's choice first
@@ -57,15 +61,11 @@ class Phase(NamedTuple):
 PHASES = {
     "search": Phase("Policy search", "evolution", "algorithm", tuple(ALGORITHMS), (), ("evolve",), "ER"),
     "segmentation": Phase(
-        "Cutting commands", "actions", "segmentation", tuple(SEGMENTATIONS), EVOLVED, ("extract", "learn"), "QL"
+        "Actions", "actions", "segmentation", tuple(SEGMENTATIONS), EVOLVED, ("extract", "learn"), "QL"
     ),
-    "clustering": Phase(
-        "Clustering actions", "actions", "clustering", tuple(CLUSTERINGS), EVOLVED, ("extract", "learn"), "QL"
-    ),
-    "sensors": Phase(
-        "Choosing sensors", "sensors", "selection", tuple(SELECTIONS), EVOLVED, ("extract", "learn"), "QL"
-    ),
-    "learner": Phase("Learning", "learner", "algorithm", tuple(LEARNERS), (*EVOLVED, *EXTRACTED), ("learn",), "QL"),
+    "clustering": Phase("Actions", "actions", "clustering", tuple(CLUSTERINGS), EVOLVED, ("extract", "learn"), "QL"),
+    "sensors": Phase("Sensors", "sensors", "selection", tuple(SELECTIONS), EVOLVED, ("extract", "learn"), "QL"),
+    "learner": Phase("Learners", "learner", "algorithm", tuple(LEARNERS), (*EVOLVED, *EXTRACTED), ("learn",), "QL"),
 }
 # What a name needs besides itself, said where the results are: fitted Q learns from kept trajectories alone.
 BESIDES = {("learner", "fitted_q"): {"eta": 10}, ("learner", "adam"): {"alpha": 0.001}}
@@ -98,13 +98,13 @@ def with_generations(settings: RunSettings, paper: Run[RunSettings]) -> RunSetti
     )
 
 
-def do(out: Path, settings: RunSettings) -> dict[tuple[str, str], Run[RunSettings]]:
+def do(out: Path, settings: RunSettings, phases: list[str]) -> dict[tuple[str, str], Run[RunSettings]]:
     """All runs of one seed, by phase and name."""
     paper = runs.create(out / "paper" / f"paper-{settings.seed}", settings)
     for stage in ("evolve", "extract", "learn"):
         table.stage(stage).do(paper)
     done = {}
-    for key, phase in PHASES.items():
+    for key, phase in ((key, PHASES[key]) for key in phases):
         done[key, phase.names[0]] = paper
         for name in phase.names[1:]:
             other = changed(settings, phase, name)
@@ -134,77 +134,136 @@ def final_score(run: Run[RunSettings], method: str) -> float:
     return float(evaluate(task, run.settings.dnn, recorder, domains, genomes, fresh).scores.sum(axis=1).mean())
 
 
-def markdown(done: list[dict]) -> str:
-    """A line per phase and name: quartiles of the final score, and p of Mann-Whitney against the paper's choice."""
-    lines = ["| phase | method | final score, median [quartiles] | p |", "|---|---|---|---|"]
-    for key, phase in PHASES.items():
-        finals = {name: [final_score(seed[key, name], phase.method) for seed in done] for name in phase.names}
-        for name, scores in finals.items():
-            low, middle, high = np.percentile(scores, [25, 50, 75])
-            test = statistics.mann_whitney(np.array(scores), np.array(finals[phase.names[0]]))
-            p = f"{test.p_value:.3f}" if name != phase.names[0] else "the paper's"
-            lines.append(f"| {phase.title} | `{name}` | {middle:.2f} [{low:.2f}, {high:.2f}] | {p} |")
+def note(out: Path, done: list[dict[tuple[str, str], Run[RunSettings]]]) -> None:
+    """Write OUT/scores.csv, the final score of every run, and OUT/curves.csv, quartiles over the seeds."""
+    scores: dict[str, list] = {name: [] for name in ("phase", "method", "seed", "score", "top")}
+    curves: dict[str, list] = {name: [] for name in ("phase", "method", "episodes", "lower", "median", "upper")}
+    for key, name in done[0]:
+        some = [of_seed[key, name] for of_seed in done]
+        method = PHASES[key].method
+        for run in some:
+            row = key, name, run.settings.seed, final_score(run, method), top_score(run, "source")
+            for column, value in zip(scores, row, strict=True):
+                scores[column].append(value)
+        found = [source_curve(run, method) for run in some]
+        found = [moving_mean(curve, WINDOW) for curve in found] if method == "QL" else found
+        grid = common_grid(found, POINTS)
+        for at, *quartiles in zip(grid, *statistics.median_and_quartiles(found, grid), strict=True):
+            for column, value in zip(curves, (key, name, int(at), *map(float, quartiles)), strict=True):
+                curves[column].append(value)
+    files.write_csv(out / "scores.csv", scores)
+    files.write_csv(out / "curves.csv", curves)
+
+
+def read(path: Path) -> dict[str, dict[str, dict[str, np.ndarray]]]:
+    """The numbers of one of the two tables by phase, method and column."""
+    table = files.read_csv(path)
+    rows = list(zip(table.pop("phase"), table.pop("method"), strict=True))
+    found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
+    for key, name in dict.fromkeys(rows):
+        kept = [place for place, row in enumerate(rows) if row == (key, name)]
+        numbers = {column: np.array([float(values[place]) for place in kept]) for column, values in table.items()}
+        found.setdefault(key, {})[name] = numbers
+    return found
+
+
+def markdown(scores: dict) -> str:
+    """A line per phase and name: median and quartiles of the final score, and the test against the paper's choice."""
+    lines = ["| phase | method | n | median [95 %] | quartiles | A12 | p |", "|---|---|---|---|---|---|---|"]
+    for key, methods in scores.items():
+        for name, found in methods.items():
+            values, papers = found["score"], methods[PHASES[key].names[0]]["score"]
+            low, middle, high = np.percentile(values, [25, 50, 75])
+            bounds = "[{:.2f}, {:.2f}]".format(*statistics.median_interval(values))
+            test = statistics.mann_whitney(values, papers)
+            told = f"{test.a12:.2f} | {test.p_value:.3f}" if name != PHASES[key].names[0] else "| the paper's"
+            lines.append(
+                f"| {key} | `{name}` | {len(values)} | {middle:.2f} {bounds} | {low:.2f} to {high:.2f} | {told} |"
+            )
     return "\n".join(lines)
 
 
-def draw(done: list[dict], path: Path) -> None:
-    """A row per phase: curves (median and quartiles over the seeds) and, beside them, every seed's final score."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        figure, axes = new_figure(len(PHASES), 2, 10, 2.7 * len(PHASES), width_ratios=(3, 2))
-        top = top_score(next(iter(done[0].values())), "source")
-        for row, (key, phase) in zip(axes, PHASES.items(), strict=True):
-            for place, name in enumerate(phase.names):
-                colour = "black" if place == 0 else f"C{place - 1}"
-                curves = [source_curve(seed[key, name], phase.method) for seed in done]
-                _draw_curves(row[0], curves, phase.method, colour, name)
-                finals = [final_score(seed[key, name], phase.method) for seed in done]
-                row[1].plot(finals, np.full(len(finals), -place), "o", color=colour, alpha=0.5, markersize=5)
-                row[1].plot(np.median(finals), -place, "|", color=colour, markersize=16, markeredgewidth=2)
-            row[0].set(title=phase.title, ylabel=f"score (of {top:g})")
-            row[0].set_ylim(bottom=0)
-            row[0].set_xlabel("episodes" if phase.method == "QL" else "episodes (policies evaluated)")
-            row[0].grid(axis="y")
-            labels = [f"{name} (paper)" if name == phase.names[0] else name for name in phase.names]
-            row[1].set_yticks(-np.arange(len(labels)), labels)
-            row[1].set(ylim=(0.5 - len(labels), 0.5), xlabel="final score, each seed and median")
-            row[1].set_xlim(left=0)
-            row[1].margins(x=0.05)
-        figure.savefig(path, dpi=110)
+def panels(found: dict) -> dict[str, dict[str, dict]]:
+    """The numbers of those in each panel by their labels; the paper's choice is first, and there once."""
+    by_title: dict[str, dict[str, dict]] = {}
+    for key, methods in found.items():
+        paper, *others = methods
+        by_title.setdefault(PHASES[key].title, {"the paper's": methods[paper]}).update({o: methods[o] for o in others})
+    return by_title
 
 
-def _draw_curves(axes, curves: list[Curve], method: str, colour: str, name: str) -> None:
-    if method == "QL":
-        curves = [moving_mean(curve, WINDOW) for curve in curves]
-    grid = common_grid(curves)
-    values = np.array([np.interp(grid, curve.episodes, curve.scores) for curve in curves])
-    low, middle, high = np.percentile(values, [25, 50, 75], axis=0)
-    axes.fill_between(grid, low, high, color=colour, alpha=0.12, linewidth=0)
-    axes.plot(grid, middle, color=colour, label=name, linewidth=1.4)
+def colour(place: int) -> str:
+    """Of a method by its place in a panel."""
+    return "black" if place == 0 else f"C{place - 1}"
 
 
-def main() -> int:
-    """Run what is missing, print the table, draw the figure."""
+def draw_scores(scores: dict) -> Figure:
+    """A panel per phase: every seed's final score, the median and its 95 % interval."""
+    by_title = panels(scores)
+    figure, axes = grid_of(len(by_title), 2, 5.5, 2.9)
+    for panel, (title, some) in zip(axes, by_title.items(), strict=True):
+        top = some["the paper's"]["top"][0]
+        for place, values in enumerate(numbers["score"] for numbers in some.values()):
+            # Side by side, so that equal scores can be counted.
+            offsets = np.linspace(-0.2, 0.2, len(values)) if len(values) > 1 else np.zeros(1)
+            panel.plot(values, place + offsets, "o", color=colour(place), alpha=0.35, markersize=4, markeredgewidth=0)
+            panel.plot(statistics.median_interval(values), (place, place), color=colour(place), linewidth=2.5)
+            panel.plot(np.median(values), place, "o", color=colour(place), markersize=8)
+        panel.set_yticks(range(len(some)), list(some))
+        panel.set(ylim=(len(some) - 0.5, -0.5), xlim=(-0.03 * top, 1.03 * top), title=title)
+        panel.set_xlabel(f"final score, of {top:g}")
+        panel.grid(axis="x")
+    return figure
+
+
+def draw_curves(curves: dict) -> Figure:
+    """A panel per phase: medians over the seeds as they learn, and quartiles."""
+    by_title = panels(curves)
+    figure, axes = grid_of(len(by_title), 2, 5.5, 3.4)
+    for panel, (title, some) in zip(axes, by_title.items(), strict=True):
+        for place, (label, of) in enumerate(some.items()):
+            panel.fill_between(of["episodes"], of["lower"], of["upper"], color=colour(place), alpha=0.1, linewidth=0)
+            panel.plot(of["episodes"], of["median"], color=colour(place), label=label, linewidth=1.5)
+        panel.set(title=title, xlabel="episodes", ylabel="score")
+        panel.set_ylim(bottom=0)
+        panel.grid(axis="y")
+        panel.legend(fontsize=8)
+    return figure
+
+
+def tell(out: Path) -> None:
+    """Print the table, draw the figures."""
+    scores = read(out / "scores.csv")
+    text = markdown(scores)
+    files.write_text(out / "scores.md", text + "\n")
+    print(text)
+    with matplotlib.rc_context(STYLE):
+        draw_scores(scores).savefig(out / "scores.png", dpi=110)
+        draw_curves(read(out / "curves.csv")).savefig(out / "curves.png", dpi=110)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what is missing, print the table, draw the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--task", default="box_pushing")
     parser.add_argument("--source", default="A")
     parser.add_argument("--physics", default="", help="default: that of record")
+    parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--population", type=int, default=64)
     parser.add_argument("--generations", type=int, default=40)
     parser.add_argument("--episodes", type=int, default=200)
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     try:
-        done = [do(options.out, settings_of(options, seed)) for seed in range(options.seeds)]
+        done = []
+        for seed in range(options.seeds):
+            done.append(do(options.out, settings_of(options, seed), options.phases))
+            note(options.out, done)
+        tell(options.out)
     except (RunError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
-    text = markdown(done)
-    files.write_text(options.out / "alternatives.md", text + "\n")
-    print(text)
-    draw(done, options.out / "alternatives.png")
     return 0
 
 

@@ -30,6 +30,7 @@ A run is a folder. The stages read and write it in turn, skip what is done and r
   qboot learn    --out runs/A-0
   qboot transfer --out runs/A-0
   qboot replay   --out runs/A-0
+  qboot plot     runs/A-0        (its curves, also while a stage is at work)
 
 The control experiments on finished runs (section VII), many learners in one program:
 
@@ -133,6 +134,9 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
     sub = command("replay", "an HTML page that plays the best network and the Q-policy of a run", _replay)
     sub.add_argument("--out", type=Path, required=True, help="run folder")
+    sub = command("plot", "the learning curves of a run, also while it goes on, as a picture", _plot)
+    sub.add_argument("run_folder", type=Path, metavar="RUN", help="run folder")
+    sub.add_argument("--out", type=Path, metavar="FILE.png", help="default RUN/curves.png")
     sub = command("report", "one self-contained HTML page on all runs of a study", _report)
     sub.add_argument("--out", type=Path, required=True, help="folder of the study, for instance results/quick")
     sub = command("publish", "the small files behind a study's numbers and figures of scores, with checksums", _publish)
@@ -227,6 +231,18 @@ def _replay(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.store import runs
 
     print(player.write(runs.load(options.out)))
+
+
+def _plot(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study.figures import catalogue
+    from qboot.study.store import files, runs
+
+    out = options.out or options.run_folder / "curves.png"
+    if out.suffix != ".png":
+        raise ValueError(f"--out is {out}: the picture is a PNG, give it a name that ends in .png")
+    drawn = catalogue.draw_so_far(runs.load(options.run_folder))
+    files.write(out, catalogue.as_png(drawn.figure))
+    print(f"{out}: {drawn.shows}")
 
 
 def _report(options: argparse.Namespace, rest: list[str]) -> None:

@@ -17,6 +17,7 @@ from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, NO_DATA, NO
 from qboot.study.analysis.statistics import Comparison
 from qboot.study.figures import catalogue, drawing
 from qboot.study.pipeline import profiles
+from qboot.study.pipeline.table import STAGES
 from qboot.study.report import page as report
 from qboot.study.report import player, templating
 from qboot.study.store import files, runs
@@ -116,9 +117,9 @@ def test_reduced_sizes_are_said_on_top(page):
 
 
 def test_the_page_plays_networks_and_policies(page):
-    found = players_of(page)
-    assert len(found) == 4
-    for data in found:
+    replays = players_of(page)
+    assert [len(both) for both in replays] == [2, 2] and page.count("<canvas") == 2
+    for data in (data for both in replays for data in both):
         frames = len(data["steps"])
         assert data["steps"][0] == 0
         for shape in data["shapes"]:
@@ -184,9 +185,9 @@ def test_what_a_task_does_not_have_leaves_nothing_empty(bare_study):
     page = report.write(bare_study).read_text()
     headings = re.findall(r"<h3[^>]*>(.*?)</h3>", page)
     assert headings == [
-        "Sizes", "Numbers", "How commands are cut into actions", "Learning on the source set",
-        "Generalisation to new domains", "Learning on the target set", "Control experiments (section VII, appendix A)",
-        "Where the actions come from", "Sensors for the state", "The number of actions", "Runs",
+        "How commands are cut into actions", "Learning on the source set", "Generalisation to new domains",
+        "Learning on the target set", "Control experiments (section VII, appendix A)", "Where the actions come from",
+        "Sensors for the state", "The number of actions", "Numbers", "Sizes", "Runs",
     ]  # fmt: skip
     assert page.count("data:image/png;base64,") == 7 and players_of(page) == []
     for table in re.findall(r"<table.*?</table>", page, re.S):
@@ -270,6 +271,35 @@ def test_recordings_are_what_was_scored(tiny_run):
         np.testing.assert_array_equal(recording.states.posture.x[0], recording.domain.start[0])
 
 
+def test_any_rollout_is_played_from_one_start_by_both(tmp_path):
+    """On the arm, whose rollouts start at random, several in each domain."""
+    settings = tiny_settings("box_pushing", physics="kinematic", n_steps=40, episodes=1)
+    run = runs.create(tmp_path / "box_pushing" / "A-0", settings)
+    for stage in STAGES[:3]:
+        stage.do(run)
+    networks, policies = recordings.evolved(run), recordings.learned(run)
+    task = task_of(run)
+    assert len(networks) == len(policies) == 3 * task.rollouts_per_domain > 3
+    starts = [recording.states.hand[0] for recording in networks]
+    np.testing.assert_array_equal(starts, [recording.states.hand[0] for recording in policies])
+    np.testing.assert_array_equal(
+        [recording.states.block[0] for recording in networks], [recording.states.block[0] for recording in policies]
+    )
+    assert len(np.unique(starts, axis=0)) == len(starts)
+    firsts = recordings.first_of_domains(task, networks)
+    assert len(firsts) == 3 and firsts[1] is networks[task.rollouts_per_domain]
+    made = player.player(run)
+    assert len(made.replays) == len(starts)
+    assert made.replays[task.rollouts_per_domain + 1].title.startswith("domain 1, rollout 1: network ")
+    assert all(len(replay.data) == len(made.who) == 2 for replay in made.replays)
+
+
+def test_a_page_of_many_rollouts_keeps_fewer_frames_of_each(tiny_run, monkeypatch):
+    monkeypatch.setattr(player, "MAX_FRAMES_OF_PAGE", 40)
+    for replay in player.player(tiny_run).replays:
+        assert [len(data["steps"]) for data in replay.data] == [10, 10]
+
+
 def test_a_policy_is_recorded_with_its_actions(tiny_run):
     for recording in recordings.learned(tiny_run):
         assert len(recording.actions) == len(recording.states.reward) - 1
@@ -295,7 +325,7 @@ def test_a_player_keeps_scores_flags_and_the_end(tiny_run):
 def test_a_replay_is_a_page_of_its_own(tiny_run, tmp_path):
     run = copied(tiny_run, tmp_path)
     page = player.write(run).read_text()
-    assert page.count("<canvas") == 4 and "http" not in page
+    assert page.count("<canvas") == 2 and page.count("<option value") == 2 + 3 and "http" not in page
     run.file("qnets.npz").unlink()
     with pytest.raises(RunError, match=r"qnets.npz does not exist: run `qboot learn --out"):
         player.write(run)

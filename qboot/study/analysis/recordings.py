@@ -8,11 +8,11 @@ import numpy as np
 from qboot import qlearning
 from qboot.envs.task import Domain, Task
 from qboot.neuroevolution import evaluation
-from qboot.neuroevolution.problem import evaluate_individuals
+from qboot.neuroevolution.problem import evaluate_individuals, evaluation_keys
 from qboot.neuroevolution.recorders import STATES
 from qboot.study.pipeline.evolving import source_problem
 from qboot.study.pipeline.learning import problem_on as learning_problem
-from qboot.study.store.artifacts import key_of, read_lineage, read_networks, task_of
+from qboot.study.store.artifacts import read_lineage, read_networks, task_of
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -26,7 +26,7 @@ class Recording(NamedTuple):
 
 
 def evolved(run: Run[RunSettings]) -> list[Recording]:
-    """The best-of-run network in each source domain (its first rollout there), as it was evaluated at its birth."""
+    """The best-of-run network in each rollout of an episode on the source set, as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
     found = evaluate_individuals(problem, STATES, best, best.births)
@@ -38,22 +38,29 @@ def evolved(run: Run[RunSettings]) -> list[Recording]:
             _joined(_at(states, (0, index)), _at(finals, (0, index)), int(found.steps[0, index])),
             actions=np.empty(0, np.int32),
         )
-        for index in range(0, n_rollouts, problem.task.rollouts_per_domain)
+        for index in range(n_rollouts)
     ]
 
 
 def learned(run: Run[RunSettings]) -> list[Recording]:
-    """The greedy Q-policy in each source domain (its first rollout there)."""
+    """The greedy Q-policy in each rollout of an episode on the source set, from the starts that `evolved` has."""
     task = task_of(run)
     problem = learning_problem(run, task.source_domains(run.settings.source))
-    networks, key = read_networks(run, problem), key_of(run, "rollouts")
+    best = read_lineage(run).take(slice(-1, None))
+    [key] = evaluation_keys(source_problem(run, workers=1), best, best.births)
+    networks = read_networks(run, problem)
     found = []
-    for index in range(0, problem.n_rollouts, task.rollouts_per_domain):
+    for index in range(problem.n_rollouts):
         domain = problem.domain(problem.place(index))
         played = jax.device_get(qlearning.rollout(networks, jax.random.fold_in(key, index), problem, domain))
         steps = int(played.mask.sum())
         found.append(Recording(domain, _joined(played.states, played.final, steps), np.asarray(played.actions[:steps])))
     return found
+
+
+def first_of_domains(task: Task, found: list[Recording]) -> list[Recording]:
+    """The first rollout in each domain."""
+    return found[:: task.rollouts_per_domain]
 
 
 def scores(task: Task, recording: Recording) -> np.ndarray:

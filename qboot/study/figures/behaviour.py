@@ -22,7 +22,7 @@ COLUMNS = 4
 def evolved_behaviour(runs: list[Run[RunSettings]]) -> Drawn:
     """Path of the best network in its source domains, another colour where it is active."""
     run = best_run(runs, "lineage.npz")
-    found = recordings.evolved(run)
+    found = recordings.first_of_domains(task_of(run), recordings.evolved(run))
     scenes = [_scene(run, recording) for recording in found]
     figure, panels = grid_of(len(scenes), COLUMNS, 4.0, 4.2, margin=0.5)
     for panel, scene in zip(panels, scenes, strict=True):
@@ -36,7 +36,7 @@ def evolved_behaviour(runs: list[Run[RunSettings]]) -> Drawn:
 def learned_behaviour(runs: list[Run[RunSettings]]) -> Drawn:
     """Path of the Q-policy, coloured by the action in force, and a panel for each used action."""
     run = best_run(runs, "lineage.npz", "qnets.npz")
-    found, actions = recordings.learned(run), read_actions(run)
+    found, actions = recordings.first_of_domains(task_of(run), recordings.learned(run)), read_actions(run)
     used = _most_used(found)
     colours = {action: ACTION_COLOURS[place] for place, action in enumerate(used)}
     scenes = [_scene(run, recording) for recording in found]

@@ -84,6 +84,16 @@ def draw(name: str, some: list[Run[RunSettings]]) -> Drawn:
         return RUN_PLOTS[name].draw(some)
 
 
+def draw_so_far(run: Run[RunSettings]) -> Drawn:
+    """Draw the curves of one run, which may still be going on.
+
+    Raises:
+        RunError: if it has none yet, or a file that cannot be used.
+    """
+    with matplotlib.rc_context(STYLE):
+        return scores.so_far(run)
+
+
 def draw_control(name: str, study: Path, task_name: str) -> Drawn:
     """Draw one of CONTROL_PLOTS from a task's cells in the folder of a study.
 

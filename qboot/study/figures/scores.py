@@ -19,11 +19,18 @@ from qboot.study.analysis.curves import (
 )
 from qboot.study.analysis.gathering import gather
 from qboot.study.analysis.measures import WINDOW
+from qboot.study.analysis.so_far import curves_so_far
 from qboot.study.analysis.statistics import mann_whitney, median_and_quartiles
 from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
+from qboot.study.pipeline.loop import SECONDS_BETWEEN_SAVES
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
+
+HOW = (
+    "ER is the best of the population; Q-learning is the mean of the last "
+    f"{WINDOW} episodes, thin the median of single ones."
+)
 
 
 def learning_on_source(runs: list[Run[RunSettings]]) -> Drawn:
@@ -34,6 +41,21 @@ def learning_on_source(runs: list[Run[RunSettings]]) -> Drawn:
 def learning_on_target(runs: list[Run[RunSettings]]) -> Drawn:
     """Scores of Q-learning, ER and ER + transfer on the target set, against episodes."""
     return _learning(runs, METHODS, target_curve, "target")
+
+
+def so_far(run: Run[RunSettings]) -> Drawn:
+    """Scores of one run that may still be going on, against episodes: a panel per set of domains."""
+    sets = {which: found for which in ("source", "target") if (found := curves_so_far(run, which))}
+    if not sets:
+        raise RunError(
+            f"{run.folder} has no curve yet: a stage first saves after some {SECONDS_BETWEEN_SAVES:.0f} seconds"
+        )
+    figure, axes = new_figure(1, len(sets), 7.5 * len(sets), 4.2)
+    ends = []
+    for panel, (which, found) in zip(axes[0], sets.items(), strict=True):
+        words = _draw_learning(panel, {method: [curve] for method, curve in found.items()}, run, which)
+        ends.append(f"{which} set: {words}")
+    return Drawn(figure, f"{'; '.join(ends)}. {HOW}", [run.label])
 
 
 def generalising(runs: list[Run[RunSettings]]) -> Drawn:
@@ -73,12 +95,20 @@ def _learning(
     curves = {method: found for method in methods if (found := _curves(runs, read, method))}
     if not curves:
         raise RunError(f"no run has learned on the {which} set: run the stages")
-    top = top_score(runs[0], which)
     figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
+    ends = _draw_learning(axes, {method: list(found.values()) for method, found in curves.items()}, runs[0], which)
+    shows = f"Median at the end: {ends}. Bands reach from the lower to the upper quartile over runs. {HOW}"
+    drawn = dict.fromkeys(run for found in curves.values() for run in found)
+    return Drawn(figure, shows, [run.label for run in drawn])
+
+
+def _draw_learning(axes: Axes, curves: dict[str, list[Curve]], run: Run[RunSettings], which: str) -> str:
+    """Draw the curves of each method on a set of domains of a `run`, and its top score; where they end, in words."""
+    top = top_score(run, which)
     ends = []
-    for method, found in curves.items():
-        end = _draw_method(axes, method, list(found.values()))
-        ends.append(f"{METHOD_LABELS[method]} {end[1]:.3g} after {end[0]:,.0f} episodes")
+    for method, some in curves.items():
+        last, score = _draw_method(axes, method, some)
+        ends.append(f"{METHOD_LABELS[method]} {score:.3g} after {last:,.0f} episodes")
     axes.axhline(top, color=GREY, linestyle=":", linewidth=1)
     axes.text(
         0.01, top, f"top score {top:.0f}", transform=axes.get_yaxis_transform(), va="bottom", color=GREY, fontsize=9
@@ -88,12 +118,7 @@ def _learning(
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=len(curves))
-    shows = (
-        f"Median at the end: {'; '.join(ends)}. Bands reach from the lower to the upper quartile over runs. ER is the "
-        f"best of the population; Q-learning is the mean of the last {WINDOW} episodes, thin the median of single ones."
-    )
-    drawn = dict.fromkeys(run for found in curves.values() for run in found)
-    return Drawn(figure, shows, [run.label for run in drawn])
+    return "; ".join(ends)
 
 
 def _curves(

@@ -17,16 +17,24 @@ from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
-# Frames of one rollout at most: evenly spaced timesteps are kept, which bounds the size of a page.
-MAX_FRAMES = 2_000
+# Frames of one rollout, and of all on a page, at most: evenly spaced timesteps are kept, which bounds a page's size.
+MAX_FRAMES, MAX_FRAMES_OF_PAGE = 2_000, 40_000
+WHO = ("Best network", "Q-policy")
+
+
+class Replay(NamedTuple):
+    """Two rollouts from the same start."""
+
+    title: str  # which rollout, and what the two scored
+    data: list[dict]  # what templates/player.js draws, for each of WHO
 
 
 class Player(NamedTuple):
-    """One moving picture."""
+    """A moving picture of the best network and one of the Q-policy, side by side, of any of the rollouts."""
 
-    title: str
+    who: tuple[str, ...]
     legend: dict[str, str]  # label to colour
-    data: dict  # what templates/player.js draws
+    replays: list[Replay]
 
 
 def write(run: Run[RunSettings]) -> Path:
@@ -36,13 +44,13 @@ def write(run: Run[RunSettings]) -> Path:
         RunError: if the stages evolve, extract or learn have not been run, or the task does not say how it is drawn.
     """
     path = run.file("replay.html")
-    page = PAGES.get_template("players.html.jinja").render(run=run, players=players(run))
+    page = PAGES.get_template("players.html.jinja").render(run=run, player=player(run))
     files.write_text(path, page)
     return path
 
 
-def players(run: Run[RunSettings]) -> list[Player]:
-    """The players of a run: per source domain the best evolved network, then the greedy Q-policy.
+def player(run: Run[RunSettings]) -> Player:
+    """The player of a run: all rollouts of an episode on the source set.
 
     Raises:
         RunError: as `write` does.
@@ -51,16 +59,23 @@ def players(run: Run[RunSettings]) -> list[Player]:
     if task.view is None:
         raise RunError(f"{task.name} does not say how it is drawn: give its Task a `view`")
     view = task.view
-    pairs = zip(recordings.evolved(run), recordings.learned(run), strict=True)
-    return [
-        _player(f"{who}, source domain {place}", task, recording, view.scene(recording.domain, recording.states))
-        for place, pair in enumerate(pairs)
-        for who, recording in zip(("Best network", "Q-policy"), pair, strict=True)
-    ]
+    pairs = list(zip(recordings.evolved(run), recordings.learned(run), strict=True))
+    max_frames = min(MAX_FRAMES, max(2, MAX_FRAMES_OF_PAGE // (2 * len(pairs))))
+    replays: list[Replay] = []
+    legend: dict[str, str] = {}
+    for place, pair in enumerate(pairs):
+        scenes = [view.scene(recording.domain, recording.states) for recording in pair]
+        data = [as_data(task, *each, max_frames) for each in zip(pair, scenes, strict=True)]
+        replays.append(Replay(_title(task, place, pair), data))
+        legend |= {label: colour for scene in scenes for label, colour in scene.legend.items()}
+    return Player(WHO, legend, replays)
 
 
-def _player(title: str, task: Task, recording: Recording, scene: Scene) -> Player:
-    return Player(title, scene.legend, as_data(task, recording, scene))
+def _title(task: Task, place: int, pair: tuple[Recording, Recording]) -> str:
+    domain, rollout = divmod(place, task.rollouts_per_domain)
+    network, policy = (f"{recordings.scores(task, recording)[-1]:g}" for recording in pair)
+    which = f"domain {domain}, rollout {rollout}" if task.rollouts_per_domain > 1 else f"domain {domain}"
+    return f"{which}: network {network}, Q-policy {policy}"
 
 
 def as_data(task: Task, recording: Recording, scene: Scene, max_frames: int = MAX_FRAMES) -> dict:

@@ -12,6 +12,7 @@ from qboot.envs.task import Task
 from qboot.study.analysis import appendix, sizes, verdicts
 from qboot.study.analysis.gathering import best_run, best_score, gather
 from qboot.study.analysis.printed import PrintedFigure
+from qboot.study.analysis.summary import Summary, summary
 from qboot.study.analysis.verdicts import Row
 from qboot.study.controls.cells import faults, find, folder_of
 from qboot.study.controls.conditions import WHATS, conditions
@@ -47,9 +48,8 @@ class Section(NamedTuple):
 
     task: str
     has_paper: bool
-    n_runs: int
-    reduced: tuple[int, int]  # sizes below the paper's, of how many
-    parts: list[Part]
+    summary: Summary
+    parts: list[Part]  # what answers comes first, what it rests on after it
 
 
 class Picture(NamedTuple):
@@ -83,8 +83,8 @@ class Experiment(NamedTuple):
 class Watched(NamedTuple):
     """The rollouts that the page plays."""
 
-    players: list[Player]
-    run: str  # label of their run, or why there are none
+    player: Player | None
+    run: str  # label of their run, or why there is none
 
 
 class RunLine(NamedTuple):
@@ -106,21 +106,19 @@ class RunTable(NamedTuple):
 def section(study: Path, some: Runs) -> Section:
     """All that the page says on the task of `some` runs of a study."""
     task = task_of(some[0])
-    size_rows = sizes.rows(some)
     cells, missing = _cells(study, some)
     rows = verdicts.rows(some)
     missing += sorted({reason for row in rows for reason in row.missing})
     parts = [
-        Part("sizes", "sizes", "Sizes", "Sizes", size_rows),
         *_conclusions(task, some),
-        *_numbers(task, rows),
         *_figures(task, some),
-        *_controls(study, task, some, cells),
         *_watched(task, some),
+        *_controls(study, task, some, cells),
+        *_numbers(task, rows),
+        Part("sizes", "sizes", "Sizes", "Sizes", sizes.rows(some)),
         Part("runs", "runs", "Runs", "Runs", RunTable([_line(run) for run in some], missing)),
     ]
-    reduced = sum(row.is_reduced for row in size_rows), len(size_rows)
-    return Section(task.name, task.paper is not None, len(some), reduced, parts)
+    return Section(task.name, task.paper is not None, summary(cells, some), parts)
 
 
 def _conclusions(task: Task, some: Runs) -> list[Part]:
@@ -198,9 +196,9 @@ def _watched(task: Task, some: Runs) -> list[Part]:
         return []
     try:
         run = best_run(some, "lineage.npz", "actions.npz", "sensors.npz", "qnets.npz")
-        watched = Watched(player.players(run), run.label)
+        watched = Watched(player.player(run), run.label)
     except RunError as error:
-        watched = Watched([], str(error))
+        watched = Watched(None, str(error))
     return [Part("players", "players", "Players", "Rollouts to watch", watched)]
 
 

@@ -48,28 +48,25 @@ function drawShape(context, shape, frame) {
   }
 }
 
-function startPlayer(player) {
-  const data = JSON.parse(player.querySelector("script").textContent);
-  const canvas = player.querySelector("canvas");
-  const [button, slider, speed] = player.querySelectorAll("button, input, select");
-  const output = player.querySelector("output");
+// One of the moving pictures: `show` has it play other data, `draw` draws what is at a timestep.
+function makeScreen(figure) {
+  const canvas = figure.querySelector("canvas");
+  const output = figure.querySelector("output");
   const context = canvas.getContext("2d");
-  const [left, top, right, bottom] = data.box;
-  canvas.height = Math.round((canvas.width * Math.abs(bottom - top)) / Math.abs(right - left));
-  context.scaleX = canvas.width / Math.abs(right - left);
-  context.scaleY = canvas.height / Math.abs(bottom - top);
-  context.toX = (x) => (canvas.width * (x - left)) / (right - left);
-  context.toY = (y) => (canvas.height * (y - top)) / (bottom - top);
-  const last = data.steps.length - 1;
-  slider.max = last;
-  for (const shape of data.shapes) {
-    if (shape.active) shape.active = spread(shape.active, last + 1);
-    if (shape.visible) shape.visible = spread(shape.visible, last + 1);
-  }
-  let timer = null;
+  let data = null;
 
-  function draw() {
-    const frame = Number(slider.value);
+  function show(next) {
+    data = next;
+    const [left, top, right, bottom] = data.box;
+    canvas.height = Math.round((canvas.width * Math.abs(bottom - top)) / Math.abs(right - left));
+    context.scaleX = canvas.width / Math.abs(right - left);
+    context.scaleY = canvas.height / Math.abs(bottom - top);
+    context.toX = (x) => (canvas.width * (x - left)) / (right - left);
+    context.toY = (y) => (canvas.height * (y - top)) / (bottom - top);
+  }
+
+  function draw(step) {
+    const frame = countUpTo(data.steps, step) - 1;
     context.clearRect(0, 0, canvas.width, canvas.height);
     data.shapes.forEach((shape) => drawShape(context, shape, frame));
     for (const mover of data.movers) {
@@ -78,8 +75,32 @@ function startPlayer(player) {
     }
     const action = data.actions.length ? `, action ${data.actions[Math.max(frame - 1, 0)]}` : "";
     const score = data.scores[countUpTo(data.scored, frame) - 1] ?? 0;
-    output.value = `step ${data.steps[frame]} of ${data.steps[last]}, score ${score}${action}`;
+    output.value = `step ${data.steps[frame]} of ${data.steps.at(-1)}, score ${score}${action}`;
   }
+
+  return { show, draw };
+}
+
+function read(script) {
+  const both = JSON.parse(script.textContent);
+  for (const data of both) {
+    for (const shape of data.shapes) {
+      if (shape.active) shape.active = spread(shape.active, data.steps.length);
+      if (shape.visible) shape.visible = spread(shape.visible, data.steps.length);
+    }
+  }
+  return both;
+}
+
+function startPlayer(player) {
+  const scripts = player.querySelectorAll("script");
+  const screens = Array.from(player.querySelectorAll(".screen"), makeScreen);
+  const [rollout, speed] = [player.querySelector(".rollout"), player.querySelector(".speed")];
+  const [button, slider] = player.querySelectorAll("button, input");
+  let timer = null;
+  let stride = 1; // timesteps from frame to frame
+
+  const draw = () => screens.forEach((screen) => screen.draw(Number(slider.value)));
 
   function stop() {
     cancelAnimationFrame(timer);
@@ -88,21 +109,31 @@ function startPlayer(player) {
   }
 
   function advance() {
-    slider.value = Math.min(Number(slider.value) + Number(speed.value), last);
+    slider.value = Math.min(Number(slider.value) + Number(speed.value) * stride, Number(slider.max));
     draw();
-    if (Number(slider.value) < last) timer = requestAnimationFrame(advance);
+    if (Number(slider.value) < Number(slider.max)) timer = requestAnimationFrame(advance);
     else stop();
+  }
+
+  function choose() {
+    stop();
+    const both = read(scripts[rollout.value]);
+    screens.forEach((screen, place) => screen.show(both[place]));
+    slider.max = Math.max(...both.map((data) => data.steps.at(-1)));
+    slider.value = slider.max;
+    stride = Math.ceil(slider.max / Math.max(1, ...both.map((data) => data.steps.length - 1)));
+    draw();
   }
 
   button.addEventListener("click", () => {
     if (timer !== null) return stop();
-    if (Number(slider.value) === last) slider.value = 0;
+    if (slider.value === slider.max) slider.value = 0;
     button.textContent = "Pause";
     timer = requestAnimationFrame(advance);
   });
   slider.addEventListener("input", draw);
-  slider.value = last;
-  draw();
+  rollout.addEventListener("change", choose);
+  choose();
 }
 
 document.querySelectorAll(".player").forEach(startPlayer);
