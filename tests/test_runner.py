@@ -1,12 +1,17 @@
 """Running a study: order, waiting, errors; what the processes do is tested elsewhere."""
 
 import json
+import os
+import signal
+import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
+from qboot import cli
 from qboot.study import processes, runner
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline.progress import STATUS_VARIABLE
@@ -57,6 +62,75 @@ def test_an_error_stops_its_job_alone():
     some = [job(str(i)) for i in range(3)]
     runner.do(some, do_job, n_workers=1)
     assert [each.error for each in some] == ["bad", "no space", ""]
+
+
+@pytest.mark.parametrize("error", [PermissionError("locked"), KeyError("x"), RunError("gone")])
+@pytest.mark.parametrize("n_workers", [1, 3])
+def test_a_job_that_cannot_tell_whether_it_is_ready_fails_alone(error, n_workers):
+    def is_ready():
+        raise error
+
+    some = [job("0"), job("1", is_ready=is_ready), job("2", is_ready=lambda: some[1].is_over)]
+    done = []
+    runner.do(some, lambda each: done.append(each.label) or "", n_workers)
+    assert sorted(done) == ["0", "2"] and all(each.is_over for each in some)
+    assert [bool(each.error) for each in some] == [False, True, False]
+    assert str(error) in some[1].error and "\n" not in some[1].error
+
+
+def test_any_error_of_a_job_is_one_line_and_others_go_on():
+    def do_job(some):
+        raise RuntimeError("two\nlines")
+
+    some = [job(str(i)) for i in range(3)]
+    runner.do(some, do_job, n_workers=1)
+    assert [each.error for each in some] == ["RuntimeError two lines"] * 3
+
+
+def test_what_nobody_watches_is_stopped(monkeypatch):
+    """As when the reader of the progress goes away."""
+    monkeypatch.setattr(processes, "_stopping", threading.Event())
+    command = [sys.executable, "-c", "import time; time.sleep(600)"]
+
+    def watch(some):
+        while not processes._running:
+            time.sleep(0.01)
+        raise BrokenPipeError
+
+    def do_job(some):
+        return str(processes.run(command, dict(os.environ)).returncode)
+
+    monkeypatch.setattr(runner, "_watch", watch)
+    some = [job(str(i)) for i in range(2)]
+    started = time.monotonic()
+    with pytest.raises(BrokenPipeError):
+        runner.do(some, do_job, n_workers=1)
+    assert time.monotonic() - started < 30
+    assert not processes._running and some[0].error == str(-signal.SIGTERM)
+
+
+def test_a_study_whose_jobs_cannot_be_judged_ends_with_one_line(tmp_path, monkeypatch, capsys):
+    """The stages of its run go on until it is asked whether the first experiment can begin."""
+    asked = threading.Event()
+
+    def is_extracted(folder):
+        asked.set()
+        raise TypeError("unheard of")
+
+    def run(command, environment):
+        assert asked.wait(60)
+        return subprocess.CompletedProcess(command, 2, "", "not today")
+
+    monkeypatch.setattr(runner, "_is_extracted", is_extracted)
+    monkeypatch.setattr(processes, "run", run)
+    monkeypatch.setattr(runner, "share_compiled_programs", lambda out: None)
+    out = tmp_path / "study"
+    command = ["reproduce", "--task", "ball_collecting", "--profile", "smoke", "--out", str(out), "--jobs", "2"]
+    assert cli.main(command) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("qboot: ")]
+    assert len(said) == 1 and "evolve failed: not today" in said[0]
+    assert "actions: cannot tell whether it can begin: TypeError unheard of" in said[0]
+    assert not (out / ".status").exists() and not (out / ".lock").exists()
 
 
 def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):

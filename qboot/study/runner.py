@@ -131,7 +131,7 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
 
     def take() -> Job | None:
         with one_at_a_time:
-            job = next((job for job in waiting if job.is_ready()), None)
+            job = next((job for job in waiting if _is_ready(job)), None)
             if job:
                 waiting.remove(job)
             return job
@@ -143,9 +143,9 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
                 time.sleep(SECONDS_BETWEEN_LOOKS)
                 continue
             try:
-                job.error = do_job(job)
-            except OSError as error:
-                job.error = str(error)
+                job.error = job.error or do_job(job)
+            except Exception as error:  # whatever it is: the others go on, and nobody waits for this one
+                job.error = _in_words(error)
             finally:
                 job.is_over = True
 
@@ -153,10 +153,27 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         workers = [pool.submit(work) for _ in range(n_workers)]
         try:
             _watch(some)
+        except BaseException:
+            processes.stop_all()  # what nobody watches any more
+            raise
         finally:
             waiting.clear()
     for worker in workers:
         worker.result()
+
+
+def _is_ready(job: Job) -> bool:
+    """Whether a job can begin; one that cannot tell has failed, and is taken to be over."""
+    try:
+        return job.is_ready()
+    except Exception as error:
+        job.error = f"cannot tell whether it can begin: {_in_words(error)}"
+        return True
+
+
+def _in_words(error: Exception) -> str:
+    words = " ".join(str(error).split())
+    return words if words and isinstance(error, OSError | RunError | ValueError) else f"{type(error).__name__} {words}"
 
 
 def _run_job(stages: list[plan.Job], status: Path) -> Job:
