@@ -2,6 +2,7 @@
 PYTHON ?= python3
 PROFILE ?= quick
 TASK ?=
+PHYSICS ?=
 OUT ?= results/$(PROFILE)
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,7 +18,7 @@ $(VENV)/installed: pyproject.toml
 	touch $@
 
 reproduce: $(VENV)/installed
-	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) --out $(OUT)
+	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) $(if $(PHYSICS),--physics $(PHYSICS)) --out $(OUT)
 
 test: $(VENV)/installed
 	$(BIN)/pytest -n 2 --dist loadfile
