@@ -10,7 +10,7 @@ DEFAULTS = Defaults(
     sizes={
         "smoke": Size(1, ("A",), 16, 4, 100, 4, 6, 6, 2),
         "quick": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 6),
-        "standard": Size(10, ("A",), 128, 400, 300, 500, 5_000, 2_000, 600),
+        "standard": Size(10, ("A",), 128, 400, 300, 500, 5_000, 2_000, 300),
         # As printed: 30 runs; ER on the target set up to the paper's median.
         "paper": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 2_000),
     },
