@@ -18,6 +18,7 @@ from typing import NamedTuple
 import jax
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from qboot.extraction.clustering import CLUSTERINGS
@@ -155,15 +156,20 @@ def note(out: Path, done: list[dict[tuple[str, str], Run[RunSettings]]]) -> None
     files.write_csv(out / "curves.csv", curves)
 
 
-def read(path: Path) -> dict[str, dict[str, dict[str, np.ndarray]]]:
-    """The numbers of one of the two tables by phase, method and column."""
-    table = files.read_csv(path)
-    rows = list(zip(table.pop("phase"), table.pop("method"), strict=True))
-    found: dict[str, dict[str, dict[str, np.ndarray]]] = {}
-    for key, name in dict.fromkeys(rows):
-        kept = [place for place, row in enumerate(rows) if row == (key, name)]
-        numbers = {column: np.array([float(values[place]) for place in kept]) for column, values in table.items()}
-        found.setdefault(key, {})[name] = numbers
+def read(path: Path, *names: str) -> dict:
+    """The numbers of a table by the values of the columns `names`, one within the other, then by column."""
+    return _grouped(files.read_csv(path), names)
+
+
+def _grouped(table: dict[str, list[str]], names: tuple[str, ...]) -> dict:
+    if not names:
+        return {column: np.array(values, float) for column, values in table.items()}
+    first, *others = names
+    found = {}
+    for value in dict.fromkeys(table[first]):
+        kept = [place for place, other in enumerate(table[first]) if other == value]
+        rows = {column: [values[place] for place in kept] for column, values in table.items() if column != first}
+        found[value] = _grouped(rows, tuple(others))
     return found
 
 
@@ -203,17 +209,25 @@ def draw_scores(scores: dict) -> Figure:
     figure, axes = grid_of(len(by_title), 2, 5.5, 2.9)
     for panel, (title, some) in zip(axes, by_title.items(), strict=True):
         top = some["the paper's"]["top"][0]
-        for place, values in enumerate(numbers["score"] for numbers in some.values()):
-            # Side by side, so that equal scores can be counted.
-            offsets = np.linspace(-0.2, 0.2, len(values)) if len(values) > 1 else np.zeros(1)
-            panel.plot(values, place + offsets, "o", color=colour(place), alpha=0.35, markersize=4, markeredgewidth=0)
-            panel.plot(statistics.median_interval(values), (place, place), color=colour(place), linewidth=2.5)
-            panel.plot(np.median(values), place, "o", color=colour(place), markersize=8)
-        panel.set_yticks(range(len(some)), list(some))
-        panel.set(ylim=(len(some) - 0.5, -0.5), xlim=(-0.03 * top, 1.03 * top), title=title)
-        panel.set_xlabel(f"final score, of {top:g}")
-        panel.grid(axis="x")
+        values = {label: numbers["score"] for label, numbers in some.items()}
+        draw_finals(panel, values, top, [colour(place) for place in range(len(some))])
+        panel.set_title(title)
     return figure
+
+
+def draw_finals(panel: Axes, scores: dict[str, np.ndarray], top: float, colours: list[str]) -> None:
+    """A row for each of those who have scores (n,): a dot for each, the median and its 95 % interval."""
+    for place, (values, its) in enumerate(zip(scores.values(), colours, strict=False)):
+        # Side by side, so that equal scores can be counted.
+        offsets = np.linspace(-0.2, 0.2, len(values)) if len(values) > 1 else np.zeros(1)
+        panel.plot(values, place + offsets, "o", color=its, alpha=0.35, markersize=4, markeredgewidth=0)
+        panel.plot(statistics.median_interval(values), (place, place), color=its, linewidth=2.5)
+        panel.plot(np.median(values), place, "o", color=its, markersize=8)
+    panel.set_yticks(range(len(scores)), list(scores))
+    n = min(map(len, scores.values()))
+    panel.set(ylim=(len(scores) - 0.5, -0.5), xlim=(-0.03 * top, 1.03 * top))
+    panel.set_xlabel(f"final score, of {top:g} (n = {n}: dots, median, its 95 % interval)")
+    panel.grid(axis="x")
 
 
 def draw_curves(curves: dict) -> Figure:
@@ -233,13 +247,13 @@ def draw_curves(curves: dict) -> Figure:
 
 def tell(out: Path) -> None:
     """Print the table, draw the figures."""
-    scores = read(out / "scores.csv")
+    scores = read(out / "scores.csv", "phase", "method")
     text = markdown(scores)
     files.write_text(out / "scores.md", text + "\n")
     print(text)
     with matplotlib.rc_context(STYLE):
         draw_scores(scores).savefig(out / "scores.png", dpi=110)
-        draw_curves(read(out / "curves.csv")).savefig(out / "curves.png", dpi=110)
+        draw_curves(read(out / "curves.csv", "phase", "method")).savefig(out / "curves.png", dpi=110)
 
 
 def main(arguments: list[str] | None = None) -> int:
