@@ -1,4 +1,4 @@
-# make reproduce | test | test-slow | bench | lint | docs; see README.md
+# make reproduce | test | test-slow | coverage | bench | lint | docs; see README.md
 PYTHON ?= python3
 PROFILE ?= quick
 TASK ?=
@@ -7,7 +7,7 @@ OUT ?= results/$(PROFILE)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: reproduce test test-slow bench lint docs clean
+.PHONY: reproduce test test-slow coverage bench lint docs clean
 .DEFAULT_GOAL := reproduce
 
 # The stamp is newer than pyproject.toml as long as what is installed is what it asks for.
@@ -25,6 +25,10 @@ test: $(VENV)/installed
 
 test-slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
+
+# Lines of qboot/ that the tests run.
+coverage: $(VENV)/installed
+	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
 bench: $(VENV)/installed
 	$(BIN)/python experiments/bench.py

@@ -7,6 +7,8 @@ from pathlib import Path
 # otherwise a command under test would name one of its own, for all tests after it.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# Numbers of different kinds are never mixed by accident, in the processes that tests start either.
+os.environ.setdefault("JAX_NUMPY_DTYPE_PROMOTION", "strict")
 
 import shutil
 import warnings

@@ -12,10 +12,12 @@ from conftest import TINY_SWEEP, begin_cells, record_all
 from qboot import qlearning
 from qboot.envs import get_task
 from qboot.extraction import baselines
+from qboot.extraction.segmentation import Segments
 from qboot.study.controls import cells as folders
-from qboot.study.controls import sweep
+from qboot.study.controls import segments, sweep
 from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared, places
 from qboot.study.pipeline import learning, loop
+from qboot.study.report import page
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_actions, read_selection, task_of
 from qboot.study.store.files import RunError
@@ -207,6 +209,66 @@ def test_a_common_cell_may_have_learned_longer(tiny_study, tmp_path):
 def test_cells_begun_with_other_settings_are_refused(tiny_study):
     with pytest.raises(RunError, match="lanes = 4, not 5"):
         begin_cells(tiny_study, "sensors", lanes=5)
+
+
+def short_of_segments(tiny_study, tmp_path, monkeypatch, n):
+    """A study without cells, whose run has `n` segments."""
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study / "ball_collecting", copied / "ball_collecting")
+    run = runs.load(copied / "ball_collecting" / "A-0")
+    arrays = files.read_npz(run.file("actions.npz"))
+    files.write_npz(run.file("actions.npz"), arrays | {"n_segments": np.array(n)})
+    record_all(run)
+    few = Segments(*(field[:n] for field in segments.segments_of(run)))
+    monkeypatch.setattr(segments, "segments_of", lambda run: few)
+    monkeypatch.setattr(folders, "segments_of", lambda run: few)
+    return copied
+
+
+def test_a_number_of_actions_above_the_segments_is_left_out_and_said(tiny_study, tmp_path, monkeypatch, capsys):
+    study = short_of_segments(tiny_study, tmp_path, monkeypatch, 20)
+    cells = begin_cells(study, "n_actions")
+    assert [cell.settings.condition for cell in cells] == ["4"] * 2 + ["8"] * 2 + ["extracted"] * 2
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith("qboot: ")]
+    words = f"actions take as many segments, and the traces of {study / 'ball_collecting' / 'A-0'} have 20: more"
+    assert [line.partition(" is left out: ")[0] for line in said] == [
+        "qboot: ball_collecting n_actions 30",
+        "qboot: ball_collecting n_actions 50",
+    ]
+    assert f"30 {words}" in said[0] and f"50 {words}" in said[1]
+    names = {path.name for path in (study / "ablations" / "ball_collecting" / "n_actions").iterdir()}
+    assert names == {"4", "8"}
+    sweep.learn_cells(cells, workers=1)
+    assert list(folders.find(study, "ball_collecting", "n_actions")) == ["4", "8", "17"]
+    listed = folders.faults(study, "ball_collecting", "n_actions")
+    assert len(listed) == 2 and f"no cells of n_actions 30: 30 {words}" in listed[0]
+    text = page.write(study).read_text()
+    assert f"no cells of n_actions 50: 50 {words}" in text
+
+
+def test_an_experiment_that_is_impossible_leaves_nothing(tiny_study, tmp_path, monkeypatch):
+    study = short_of_segments(tiny_study, tmp_path, monkeypatch, 3)
+    monkeypatch.setattr(
+        folders, "places", lambda task, what: {"8": Place("n_actions", "8"), "30": Place("n_actions", "30")}
+    )
+    with pytest.raises(RunError, match=r"n_actions 8 is left out: 8 actions .*; .*n_actions 30 is left out: 30 "):
+        begin_cells(study, "n_actions")
+    assert not (study / "ablations").exists()
+
+
+def test_in_doubt_segments_are_counted(tiny_run, monkeypatch):
+    """What is recorded is their number before long ones are cut, or dropped."""
+    some = Segments(np.zeros((3, 1)), np.zeros((3, 1)), np.array([250, 90, 100]))
+    monkeypatch.setattr(segments, "segments_of", lambda run: some)
+    monkeypatch.setattr(segments, "recorded_number", lambda run: 3)
+
+    def shortage(n_actions, long_segments):
+        actions = replace(tiny_run.settings.actions, long_segments=long_segments)
+        return segments.shortage(replace(tiny_run, settings=replace(tiny_run.settings, actions=actions)), n_actions)
+
+    assert [bool(shortage(n, "cut")) for n in (3, 5, 6)] == [False, False, True]
+    assert [bool(shortage(n, "clip")) for n in (3, 4)] == [False, True]
+    assert [bool(shortage(n, "drop")) for n in (2, 3)] == [False, True]
 
 
 def test_padding_is_what_does_nothing(tiny_study):

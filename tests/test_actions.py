@@ -17,6 +17,17 @@ from qboot.extraction.clustering import CLUSTERINGS, cluster, fuzzy_c_means
 from qboot.extraction.segmentation import Segments
 
 
+def test_segments_of_odd_shapes_are_refused():
+    slopes, durations = np.zeros((20, 3)), np.full(20, 10)
+    for odd in (
+        Segments(slopes, np.zeros((20, 2)), durations),
+        Segments(slopes, slopes, durations[:-1]),
+        Segments(slopes[:, 0], slopes[:, 0], durations),
+    ):
+        with pytest.raises(AssertionError):
+            cluster_actions(odd, ActionSettings(n_actions=2, long_segments="clip"), seed=0)
+
+
 def bezdek(points, centres, m, iterations):
     """Fuzzy c-means as in the textbook, in double precision, from given centres."""
 

@@ -4,6 +4,7 @@ from functools import partial
 
 import jax
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -86,3 +87,21 @@ CORRIDOR_NETWORK = DnnSettings(n_inputs=CELLS + 1, n_outputs=1, max_hidden=2, ma
 def test_any_number_of_rollouts_in_any_number_of_lanes(n_controllers, n_lanes):
     keys = jax.random.split(jax.random.key(n_controllers), n_controllers)
     assert_as_one_by_one(CORRIDOR, CORRIDOR_NETWORK, random_genomes(n_controllers, CORRIDOR_NETWORK), keys, n_lanes)
+
+
+def test_arrays_of_odd_shapes_are_refused():
+    keys, genomes = jax.random.split(jax.random.key(0), 3), random_genomes(3, CORRIDOR_NETWORK)
+    domains = CORRIDOR.source_domains("A")
+
+    def evaluate(genomes=genomes, keys=keys, domains=domains):
+        return evaluation.evaluate(CORRIDOR, CORRIDOR_NETWORK, FLOW, domains, genomes, keys)
+
+    for odd in (
+        {"keys": keys[:2]},
+        {"keys": keys[0]},
+        {"genomes": genomes._replace(weights=genomes.weights[:2])},
+        {"genomes": genomes._replace(weights=genomes.weights[:, :-1])},
+        {"domains": (domains, domains[:1])},
+    ):
+        with pytest.raises(AssertionError):
+            evaluate(**odd)

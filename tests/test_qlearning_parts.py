@@ -39,7 +39,7 @@ def start(task, history="steps"):
 def stored(*lengths):
     """Return a store of one domain whose trajectory r holds the inputs r * 100 + k at its k-th decision."""
     store = empty_store(1, len(lengths), capacity=5, n_inputs=1)
-    inputs = 100.0 * jnp.arange(len(lengths))[None, :, None, None] + jnp.arange(6)[:, None]
+    inputs = 100.0 * jnp.arange(float(len(lengths)))[None, :, None, None] + jnp.arange(6.0)[:, None]
     return store._replace(inputs=inputs, length=jnp.array([lengths], jnp.int32))
 
 
@@ -133,7 +133,7 @@ def test_choice_is_uniform_over_the_masked_actions_or_greedy():
     keys = jax.random.split(jax.random.key(0), 3000)
     choose_each = jax.jit(jax.vmap(choose, (0, None, None, None)))
     explored = choose_each(keys, values, action_mask, 1.0)
-    np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, action_mask / 3, atol=0.03)
+    np.testing.assert_allclose(np.bincount(explored, minlength=5) / 3000, np.asarray(action_mask) / 3, atol=0.03)
     greedy = choose_each(keys, values, action_mask, 0.0)
     assert set(np.asarray(greedy)) == {2}
 
@@ -212,7 +212,7 @@ def test_every_learner_is_what_the_table_documents(name):
         networks, values, _ = learner.update(networks, transition, mask, 0.2, jnp.bool_(True))
         expected = learner.values(networks, transition.next_inputs)
         networks, error_sum, n = learner.replay(networks, key, store, mask, 0.2)
-        return networks, (values, expected, error_sum / n)
+        return networks, (values, expected, error_sum / n.astype(jnp.float32))
 
     networks, (values, expected, errors) = jax.lax.scan(learn_once, networks, jax.random.split(jax.random.key(1), 200))
     np.testing.assert_allclose(values, expected, rtol=1e-5, atol=1e-6)
@@ -236,13 +236,20 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(ValueError, match="networks"):
         init(key, problem_, networks=init_networks(key, 4, 2, 16))
     short = replace(problem_, actions=problem_.actions._replace(durations=jnp.ones(3, jnp.int32)))
-    state = init(key, problem_)
+    state, longer = init(key, problem_), all_sensors(problem_.task, lags=2)
     with pytest.raises(AssertionError, match="shape"):
         init(key, short)
     with pytest.raises(AssertionError, match="shape"):
         learn(state, short, 1)
     with pytest.raises(AssertionError, match="shape"):
         evaluate(state.networks, key, short)
+    for odd in (state._replace(episode=jnp.zeros(2, jnp.int32)), init(key, replace(problem_, inputs=longer))):
+        with pytest.raises(AssertionError):
+            learn(odd, problem_, 1)
+    with pytest.raises(AssertionError, match="rank"):
+        init(jax.random.split(key), problem_)
+    with pytest.raises(AssertionError, match="rank"):
+        evaluate(state.networks, jax.random.split(key), problem_)
     with pytest.raises(ValueError, match="inputs"):
         input_set(np.ones((2, 3)), n_inputs=5)
     with pytest.raises(ValueError, match="shape"):

@@ -65,7 +65,7 @@ def corridor_step(domain, state, command):
     move = (command[0] > 2 / 3).astype(jnp.int32) - (command[0] < 1 / 3).astype(jnp.int32)
     where = jnp.where(state.done, state.where, jnp.clip(state.where + move, 0, CELLS - 1))
     arrives = (where == domain[0]) & ~state.done
-    return corridor_state(domain, where, REWARD * arrives, state.done | arrives)
+    return corridor_state(domain, where, jnp.where(arrives, REWARD, 0.0), state.done | arrives)
 
 
 def corridor(*domains, max_steps=60, rollouts_per_domain=1):

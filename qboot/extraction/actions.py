@@ -153,8 +153,12 @@ def cluster_actions(segments: Segments, settings: ActionSettings, seed: int) -> 
         seed: decides all that is random.
 
     Raises:
+        AssertionError: if the shapes of the segments' arrays do not fit each other.
         ValueError: if there are fewer segments than actions.
     """
+    chex.assert_rank([segments.slopes, segments.durations], [2, 1])
+    chex.assert_equal_shape([segments.slopes, segments.intercepts])
+    chex.assert_equal_shape_prefix([segments.slopes, segments.durations], 1)
     features = _features(LONG_SEGMENTS[settings.long_segments](segments, settings.max_duration))
     if len(features) < settings.n_actions:
         raise ValueError(

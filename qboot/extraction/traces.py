@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import chex
 import jax
 import numpy as np
 
@@ -31,7 +32,12 @@ def traces(
 
     Returns:
         One trace per policy and rollout, cut where it ended, and the scores (n,) reached.
+
+    Raises:
+        AssertionError: if leading axes of the lineage differ.
     """
+    chex.assert_rank(lineage.ids, 1)
+    chex.assert_tree_shape_prefix(lineage, lineage.ids.shape)
     found, scores = [], []
     for start in range(0, len(lineage.ids), BLOCK):
         some = lineage.take(slice(start, start + BLOCK))

@@ -49,7 +49,9 @@ class Evaluation(NamedTuple):
 def rollouts_of(task: Task, domains: Domain) -> tuple[Domain, int]:
     """The domain of each rollout of an episode, leading axis n, and n."""
     rollouts = jax.tree.map(lambda leaf: jnp.repeat(jnp.asarray(leaf), task.rollouts_per_domain, axis=0), domains)
-    return rollouts, len(jax.tree.leaves(rollouts)[0])
+    n_rollouts = len(jax.tree.leaves(rollouts)[0])
+    chex.assert_tree_shape_prefix(rollouts, (n_rollouts,))
+    return rollouts, n_rollouts
 
 
 def run(
@@ -69,7 +71,12 @@ def run(
 
     Returns:
         Descriptors by the recorder (n, ...), rewards (n,), steps lived (n,) int32.
+
+    Raises:
+        AssertionError: if leading axes differ.
     """
+    chex.assert_rank(keys, 1)
+    chex.assert_tree_shape_prefix((networks, domains), keys.shape)
     n_rollouts, n_lanes = len(keys), min(task.lanes, len(keys))
     chunk = max(1, min(CHUNK, task.max_steps // CHUNKS_PER_ROLLOUT))
     n_chunks = -(-task.max_steps // chunk)
@@ -164,8 +171,13 @@ def _goes_on(task: Task, progress: Progress) -> jax.Array:
 def evaluate(
     task: Task, settings: DnnSettings, recorder: Recorder, domains: Domain, genomes: Genome, keys: jax.Array
 ) -> Evaluation:
-    """Evaluate B genomes, one episode each in the `domains` (D, ...); `keys` (B,) decide the starts."""
-    chex.assert_equal_shape_prefix((genomes.weights, keys), 1)
+    """Evaluate B genomes, one episode each in the `domains` (D, ...); `keys` (B,) decide the starts.
+
+    Raises:
+        AssertionError: if leading axes differ, or genomes do not have the shapes that the settings say.
+    """
+    chex.assert_rank(keys, 1)
+    chex.assert_tree_shape_prefix(genomes, keys.shape)
     rollouts, n_rollouts = rollouts_of(task, domains)
     networks = jax.vmap(lambda genome: dnn.express(genome, settings))(genomes)
     networks = jax.tree.map(lambda leaf: jnp.repeat(leaf, n_rollouts, axis=0), networks)

@@ -37,7 +37,7 @@ class Acting(NamedTuple):
 def epsilon(episode: jax.Array, settings: LearnerSettings) -> jax.Array:
     """Probability () of a random action in an episode, () int32, counted from 0 (section IV-E)."""
     start, end = settings.epsilon_start, settings.epsilon_end
-    return (start - end) * settings.epsilon_stepness ** (1 + episode) + end
+    return (start - end) * lax.pow(jnp.float32(settings.epsilon_stepness), 1 + episode) + end
 
 
 def choose(key: jax.Array, values: jax.Array, action_mask: jax.Array, exploration: jax.Array) -> jax.Array:
@@ -91,7 +91,7 @@ def run_rollout(
             smdp=smdp,
             inputs=next_inputs,
             values=values,
-            trajectory=trajectory._replace(length=trajectory.length + active),
+            trajectory=trajectory._replace(length=trajectory.length + active.astype(jnp.int32)),
             decision=acting.decision + 1,
             discounted_reward=join(acting.discounted_reward, discounted),
             reward=acting.reward + reward,

@@ -36,6 +36,7 @@ def update(
     target = target_of(transition, values(networks, transition.next_inputs), action_mask)
     network, moments = network_of(networks, action)
     gradient, error = jax.grad(td_error, has_aux=True)(network, transition.inputs, target)
-    updates, moments = optax.adam(alpha).update(gradient, moments)
+    with jax.numpy_dtype_promotion("standard"):  # optax raises floats to whole powers
+        updates, moments = optax.adam(alpha).update(gradient, moments)
     networks = put_network(networks, action, AdamNetworks(optax.apply_updates(network, updates), moments), active)
     return networks, values(networks, transition.next_inputs), error

@@ -9,6 +9,7 @@ results without the waiting.
 from functools import partial
 from typing import Any, NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 from jax import lax
@@ -60,6 +61,7 @@ def init(
         ValueError: if the networks do not fit the problem.
     """
     assert_shapes(problem)
+    chex.assert_rank(key, 0)
     if networks is None:
         networks = problem.new_networks(keys.key(key, "networks"))
     expected, found = (jax.tree.map(jnp.shape, some) for some in (networks_template(problem), networks))
@@ -81,9 +83,12 @@ def learn(state: LearnerState, problem: Problem, n_episodes: int) -> tuple[Learn
         The state, and one `EpisodeInfo` per episode, stacked on a leading axis.
 
     Raises:
-        AssertionError: if the shapes of the problem's arrays do not fit each other.
+        AssertionError: if the shapes of the problem's arrays do not fit each other, or the state's not the problem.
     """
     assert_shapes(problem)
+    chex.assert_tree_shape_prefix(state.store, (problem.n_domains, problem.settings.eta))
+    chex.assert_shape(state.store.inputs, (..., problem.n_inputs))
+    chex.assert_rank([state.episode, state.key], 0)
     settings, task = problem.settings, problem.task
     capacity = state.store.actions.shape[-1]
 
@@ -122,7 +127,7 @@ def learn(state: LearnerState, problem: Problem, n_episodes: int) -> tuple[Learn
             discounted_return,
             steps,
             decisions,
-            td_error=(jnp.sum(error_sums) + replay_error_sum) / (jnp.sum(decisions) + replayed),
+            td_error=(jnp.sum(error_sums) + replay_error_sum) / (jnp.sum(decisions) + replayed).astype(jnp.float32),
             largest_q=jnp.max(largest_q),
         )
         return LearnerState(networks, store, state.episode + 1, state.key), info

@@ -3,6 +3,7 @@
 from functools import partial
 from typing import Any, NamedTuple
 
+import chex
 import jax
 import jax.numpy as jnp
 from jax import lax
@@ -44,6 +45,7 @@ def evaluate(networks: Any, key: jax.Array, problem: Problem) -> jax.Array:
         AssertionError: if the shapes of the problem's arrays do not fit each other.
     """
     assert_shapes(problem)
+    chex.assert_rank(key, 0)
     task = problem.task
 
     def score(index: jax.Array) -> jax.Array:
@@ -76,6 +78,8 @@ def rollout(networks: Any, key: jax.Array, problem: Problem, domain: Domain) -> 
         AssertionError: if the shapes of the problem's arrays do not fit each other.
     """
     assert_shapes(problem)
+    chex.assert_rank(key, 0)
+    chex.assert_trees_all_equal_structs(domain, problem.domain(0))
 
     def step(carry: tuple[SmdpState, jax.Array, jax.Array], _: None) -> tuple:
         smdp, action, elapsed = carry

@@ -3,16 +3,15 @@
 A condition that several experiments have has its cells in the folder of the first of them (`conditions.places`).
 """
 
-import functools
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from qboot.envs.registry import canonical, get_task
 from qboot.envs.task import Task
-from qboot.extraction.segmentation import Segments
 from qboot.study.controls.conditions import LAGS, Evolved, Place, conditions, is_shared, places
-from qboot.study.pipeline import extracting
+from qboot.study.controls.segments import in_words, recorded_number, segments_of, shortage
 from qboot.study.store import files, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.output import Output
@@ -28,6 +27,9 @@ Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the 
 def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Cells:
     """The cells of an experiment, begun now or earlier, and the evolved run of each.
 
+    A number of actions for which one of the evolved runs has too few segments is left out, and said on stderr: from
+    the others alone it would be compared on other runs than the rest.
+
     Args:
         study: folder of the study, with finished runs of the task.
         task_name: as `qboot.envs.get_task` finds it.
@@ -39,8 +41,8 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, or a cell was begun with other settings, or
-            for fewer episodes.
+        RunError: if no run of the task has extracted actions and sensors, a cell was begun with other settings or for
+            fewer episodes, or all conditions are left out.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
@@ -48,8 +50,10 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     task = get_task(task_name)
     evolved = _evolved(study, task.name)
     by_name = {run.folder.name: run for run in evolved}
-    planned = {}
+    planned: dict[Path, tuple[CellSettings, Run[RunSettings]]] = {}
+    left_out = []
     for condition, place in places(task, what).items():
+        of_condition = {}
         for seed in range(n_runs):
             folder = _folder(study, task.name, place) / str(seed)
             known = _known(folder)
@@ -81,8 +85,24 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
                 lanes=lanes,
             )
             _check_lags(settings, task)
-            planned[folder] = settings, run
+            of_condition[folder] = settings, run
+        if reason := _impossible(place, [run for _, run in of_condition.values()]):
+            left_out.append(f"{task.name} {what} {condition} is left out: {reason}")
+        else:
+            planned |= of_condition
+    if not planned:
+        raise RunError("; ".join(left_out))
+    for line in left_out:
+        print(f"qboot: {line}", file=sys.stderr)
     return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+
+
+def _impossible(place: Place, some: list[Run[RunSettings]]) -> str:
+    """Why a condition cannot be had from all of the evolved runs that it starts from; empty if it can."""
+    if place.what != "n_actions":
+        return ""
+    reasons = (shortage(run, int(place.condition)) for run in dict.fromkeys(some))
+    return next(filter(None, reasons), "")
 
 
 def _check_lags(settings: CellSettings, task: Task) -> None:
@@ -112,9 +132,13 @@ def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSetti
 
 
 def faults(study: Path, task_name: str, what: str) -> list[str]:
-    """Why cells of an experiment that were begun are not among the finished ones, a line each."""
+    """Why cells of an experiment are not among the finished ones, a line each: cells that were begun and are not whole,
+    and conditions without any for which a run has too few segments.
+    """
     words = []
-    for _, cell in _begun(study, task_name, what):
+    begun = set()
+    for condition, cell in _begun(study, task_name, what):
+        begun.add(condition)
         try:
             if isinstance(cell, str):
                 words.append(cell)
@@ -122,6 +146,12 @@ def faults(study: Path, task_name: str, what: str) -> list[str]:
                 provenance.require(cell, *FILES)
         except RunError as error:
             words.append(str(error))
+    task = get_task(task_name)
+    for condition, place in places(task, what).items():
+        if place.what == "n_actions" and condition not in begun:
+            for run in _extracted(runs.runs_below(study).runs, task.name):
+                if (number := recorded_number(run)) < int(condition):
+                    words.append(f"no cells of {what} {condition}: {in_words(run, int(condition), number)}")
     return words
 
 
@@ -159,7 +189,7 @@ def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
     provenance.set_aside_faulty(cell, EQUIP)
     settings = cell.settings
     condition = conditions(get_task(settings.task), settings.what)[settings.condition]
-    origin = Evolved(evolved, lambda: _segments(evolved))
+    origin = Evolved(evolved, lambda: segments_of(evolved))
     output.write_npz("actions.npz", files.to_arrays(condition.actions(settings, origin)))
     output.write_npz("sensors.npz", {"selected": condition.sensors(settings, origin)})
 
@@ -180,8 +210,7 @@ def _episodes(known: CellSettings | None, wanted: int, is_shared: bool) -> int:
 
 def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     """Runs that actions and sensors were extracted from, the sources in turn."""
-    known = [run for run in runs.find(study) if run.task_name == task]
-    ready = [run for run in known if all(provenance.is_whole(run, name) for name in EXTRACT.makes)]
+    ready = _extracted(runs.find(study), task)
     if not ready:
         raise RunError(
             f"{study} has no run of {task} with extracted actions and sensors: "
@@ -190,6 +219,7 @@ def _evolved(study: Path, task: str) -> list[Run[RunSettings]]:
     return sorted(ready, key=lambda run: (run.settings.seed, run.settings.source))
 
 
-@functools.lru_cache(maxsize=1)
-def _segments(evolved: Run[RunSettings]) -> Segments:
-    return extracting.segments_of(evolved, extracting.replayed(evolved, workers=1))
+def _extracted(some: list[Run[RunSettings]], task: str) -> list[Run[RunSettings]]:
+    """Those of a task that actions and sensors were extracted from."""
+    known = [run for run in some if run.task_name == task]
+    return [run for run in known if all(provenance.is_whole(run, name) for name in EXTRACT.makes)]
