@@ -12,7 +12,7 @@ from conftest import tiny_settings
 
 from qboot import qlearning
 from qboot.cli import main
-from qboot.study.pipeline import learning, loop
+from qboot.study.pipeline import extracting, learning, loop
 from qboot.study.pipeline.table import STAGES, stage
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_actions, read_lineage
@@ -220,6 +220,19 @@ def test_replayed_scores_must_be_the_saved_ones(run):
     Output(run, EVOLVE).write_npz("lineage.npz", arrays | {"scores": arrays["scores"] + 1})
     with pytest.raises(RunError, match="does not replay"):
         stage("extract").do(run)
+
+
+def test_a_network_that_rounding_decided_otherwise_is_warned_of(run, monkeypatch):
+    arrays = files.read_npz(run.file("lineage.npz"))
+    n = len(arrays["scores"])
+    changed = arrays["scores"] + (np.arange(n) == n // 2)
+    Output(run, EVOLVE).write_npz("lineage.npz", arrays | {"scores": changed.astype(np.float32)})
+    monkeypatch.setattr(extracting, "ROUNDED_OTHERWISE", 1 / n)
+    with pytest.warns(UserWarning, match=f"1 of the {n} networks .* rounding"):
+        stage("extract").do(run)
+    monkeypatch.setattr(extracting, "ROUNDED_OTHERWISE", 0.9 / n)
+    with pytest.raises(RunError, match="does not replay"):
+        extracting.replayed(run, 1)
 
 
 def test_trees_of_arrays_survive_a_file(tiny_run):
