@@ -226,7 +226,7 @@ def draw_finals(panel: Axes, scores: dict[str, np.ndarray], top: float, colours:
     panel.set_yticks(range(len(scores)), list(scores))
     n = min(map(len, scores.values()))
     panel.set(ylim=(len(scores) - 0.5, -0.5), xlim=(-0.03 * top, 1.03 * top))
-    panel.set_xlabel(f"final score, of {top:g} (n = {n}: dots, median, its 95 % interval)")
+    panel.set_xlabel(f"final score, of {top:g}; n = {n}")
     panel.grid(axis="x")
 
 

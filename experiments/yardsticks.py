@@ -20,11 +20,12 @@ from pathlib import Path
 import jax
 import matplotlib
 import numpy as np
+from matplotlib.ticker import StrMethodFormatter
 
-from experiments.alternatives import LAST, draw_finals, final_score, read
+from experiments.alternatives import LAST, WINDOW, draw_finals, final_score, read
 from qboot.envs import TaskEnv, brax_learners
 from qboot.study.analysis import statistics
-from qboot.study.analysis.curves import columns, top_score
+from qboot.study.analysis.curves import Curve, columns, moving_mean, top_score
 from qboot.study.figures.drawing import METHOD_COLOURS, STYLE, new_figure
 from qboot.study.pipeline import table
 from qboot.study.store import files, runs
@@ -149,14 +150,17 @@ def markdown(scores: dict) -> str:
 
 
 def draw(scores: dict, curves: dict, path: Path) -> None:
-    """Every run as it learns, by primitive steps, and beside it the final scores."""
+    """Every run as it learns, by primitive steps (Q-learning after its evolution), and beside it the final scores."""
     with matplotlib.rc_context(STYLE):
         figure, [[left, right]] = new_figure(1, 2, 11, 3.4, width_ratios=(3, 2))
         for name, found in curves.items():
             for seed in np.unique(found["seed"]):
                 mine = found["seed"] == seed
-                left.plot(found["steps"][mine], found["score"][mine], color=COLOURS[name], alpha=0.45, linewidth=1)
+                curve = Curve(found["steps"][mine], found["score"][mine])
+                curve = moving_mean(curve, WINDOW) if name == "QL" else curve
+                left.plot(*curve, color=COLOURS[name], alpha=0.45, linewidth=1)
         top = scores["QL"]["top"][0]
+        left.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
         left.set(xlabel="primitive steps", ylabel="score", ylim=(-0.03 * top, 1.03 * top))
         draw_finals(
             right,

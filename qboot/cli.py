@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     for each in STAGES:
         # The help of a stage goes on with its settings, which depend on task and profile.
         sub = command(each.name, f"{each.help}: {', '.join(each.makes)}", _stage, add_help=False)
-        sub.add_argument("-h", "--help", action="store_true", help="show this help and all settings")
+        sub.add_argument("-h", "--help", action="store_true", help=argparse.SUPPRESS)  # named with the settings
         sub.add_argument("--task", help=f"{tasks} (a new run needs it)")
         sub.add_argument("--profile", help=profiles)
         sub.add_argument("--source", help="source domains; default the task's first")

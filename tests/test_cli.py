@@ -1,11 +1,13 @@
 """The command line: bad input gets one line and exit code 2, and leaves nothing behind."""
 
 import os
+import re
 import subprocess
 import sys
 
 import pytest
 
+import qboot
 from qboot.cli import main
 
 
@@ -67,6 +69,31 @@ def test_help_teaches_and_is_quick_to_import():
         [sys.executable, "-m", "qboot.cli", "evolve", "--help"], capture_output=True, text=True, check=True
     )
     assert "--evolution.population" in stage.stdout and "--seed" in stage.stdout
+
+
+@pytest.mark.parametrize("command", ["evolve", "extract", "learn", "transfer", "ablate", "plot", "report", "reproduce"])
+def test_help_names_each_option_once(command, capsys):
+    with pytest.raises(SystemExit) as exit:
+        main([command, "--help"])
+    assert exit.value.code == 0
+    named = re.findall(r"^[│ ]*((?:-h, )?--[a-z][a-z.-]*)", capsys.readouterr().out, re.M)
+    assert "-h, --help" in named and "--out" in named
+    assert len(named) == len(set(named))
+
+
+def test_help_shows_the_defaults_that_will_be_used(capsys):
+    for profile, generations in (("quick", 40), ("standard", 400)):
+        with pytest.raises(SystemExit):
+            main(["evolve", "--task", "box_pushing", "--profile", profile, "--help"])
+        words = " ".join(re.sub("[│╰─╯]", " ", capsys.readouterr().out).split())
+        assert re.search(rf"--evolution.generations INT [^-]*\(default: {generations}\)", words)
+
+
+def test_the_version_is_told(capsys):
+    with pytest.raises(SystemExit) as exit:
+        main(["--version"])
+    assert exit.value.code == 0
+    assert capsys.readouterr().out == f"qboot {qboot.__version__}\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere a closed pipe is another error")

@@ -175,7 +175,8 @@ def test_without_a_majority_those_with_most_votes_are_kept():
     ("observations", "lags", "message"),
     [
         ([np.zeros((9, 2))], 0, "lags"),
-        ([np.zeros((9, 2))], 3, "no sensor ever varies"),
+        ([np.zeros((9, 2))], 3, "no sensor ever varies in the 6 timesteps that come after 3 others"),
+        ([np.eye(4)], 3, "no sensor ever varies in the 1 timesteps .*: use longer rollouts, fewer lags"),
         ([np.zeros((9, 2)), np.zeros((9, 3))], 3, "2 sensors"),
         ([np.zeros(9)], 3, "steps"),
         ([np.full((9, 2), np.nan)], 3, "finite"),

@@ -43,6 +43,10 @@ class Killed(Exception):
     """Stands for a process that ends without a word."""
 
 
+def broken(*args, **kwargs):
+    raise Killed
+
+
 def test_a_run_folder_holds_what_it_should(tiny_run):
     names = {path.name for path in tiny_run.folder.iterdir()}
     assert names >= CONTRACT
@@ -101,6 +105,25 @@ def test_the_advice_of_a_reader_works(tiny_run, run, capsys):
     stage("learn").do(run)
     run.file("actions.npz.set-aside").unlink()
     assert digests(run.folder) == digests(tiny_run.folder)
+
+
+def test_a_stage_that_fails_leaves_what_later_ones_made(run, monkeypatch, capsys):
+    """As when the settings name a learner that there is none of, or the work breaks off."""
+    run.file("qnets.npz").unlink()
+    left = digests(run.folder)
+    config = run.file("config.json").read_text()
+    run.file("config.json").write_text(config.replace('"q_learning"', '"wish"'))
+    assert main(["learn", "--out", str(run.folder)]) == 2
+    assert "'wish'" in capsys.readouterr().err and digests(run.folder) == left
+    run.file("config.json").write_text(config)
+    with monkeypatch.context() as patch:
+        patch.setattr(learning, "learned", broken)
+        with pytest.raises(Killed):
+            stage("learn").do(run)
+    later = {name: digest for name, digest in left.items() if name in stage("transfer").makes}
+    assert later and later.items() <= digests(run.folder).items()
+    stage("learn").do(run)
+    assert all(each.is_done(run) for each in STAGES)
 
 
 def test_results_of_other_bytes_are_outdated(run):

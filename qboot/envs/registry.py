@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import sys
+import warnings
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
@@ -95,7 +96,10 @@ def _module(name: str, place: str) -> ModuleType:
             module = importlib.util.module_from_spec(spec)
             sys.modules[module_name] = module
             try:
-                spec.loader.exec_module(module)
+                with warnings.catch_warnings():
+                    # Brax says so at every start of every command.
+                    warnings.filterwarnings("ignore", message="Brax System, .* not actively being maintained")
+                    spec.loader.exec_module(module)
             except BaseException:
                 del sys.modules[module_name]
                 raise

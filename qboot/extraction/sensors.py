@@ -164,7 +164,10 @@ def _votes(sums: Sums, lags: int, settings: SensorSettings, kind: str) -> Sensor
     inputs = n_targets + np.flatnonzero(varies[n_targets:])
     for name, some in ((kind, targets), ("sensor", inputs)):
         if not len(some):
-            raise ValueError(f"no {name} ever varies: the values of at least one must differ.")
+            raise ValueError(
+                f"no {name} ever varies in the {sums.n_rows:,} timesteps that come after {lags} others of their "
+                "rollout: use longer rollouts, fewer lags, or a task where it does."
+            )
     gram = correlations[np.ix_(inputs, inputs)] + NOISE * np.eye(len(inputs))
 
     kept = np.zeros((n_targets, lags * n_sensors), bool)

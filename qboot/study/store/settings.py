@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from tyro.conf import Suppress
+
 from qboot.extraction.actions import ActionSettings
 from qboot.extraction.sensors import SensorSettings
 from qboot.neuroevolution.dnn import DnnSettings
@@ -13,15 +15,17 @@ from qboot.qlearning.settings import LearnerSettings
 class RunSettings:
     """Every setting of a run; the defaults of a task and a profile come from `qboot.study.pipeline.profiles`."""
 
-    task: str
+    # Suppressed in the list of settings that tyro prints: the command line has options of its own for them.
+
+    task: Suppress[str]
     """Registered name, package.module:TASK or path/to/file.py:TASK."""
-    source: str
+    source: Suppress[str]
     """Name of the source domain set."""
     physics: str
     """What the task runs on; the first of its kinds is the one of record."""
-    seed: int
+    seed: Suppress[int]
     """Everything random comes from it."""
-    profile: str
+    profile: Suppress[str]
     """Name of the profile that the sizes come from."""
     n_steps: int
     """Steps of one rollout at most."""
