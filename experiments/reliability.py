@@ -21,6 +21,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from qboot import cli
@@ -48,7 +49,7 @@ if __name__.startswith("qboot_task"):
     learning.EPISODES_PER_CALL = 1
 # Not results: how and when a study was made.
 ASIDE = {"config.json", "timing.csv", "report.html", "replay.html", ".lock"}
-LATEST_KILL = 18.0  # seconds after a start; a tiny study takes a minute
+LATEST_KILL = 18.0  # seconds after a start, unless told otherwise; a tiny study takes a minute
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 Failures = list[str]
 
@@ -106,9 +107,11 @@ def orphans(folder: Path) -> list[int]:
     return found
 
 
-def kills(number: int, random_: random.Random, scratch: Path) -> Failures:
+def kills(number: int, random_: random.Random, scratch: Path, latest: float = LATEST_KILL) -> Failures:
     """Kill a study, or a stage of a run, at random moments and go on, until all was done; compare with one in peace."""
     failures: Failures = []
+    # What a shell starts in the background ignores Ctrl-C, and so would all that is started here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     peaceful, study = scratch / "peaceful", scratch / "killed"
     process = start(reproduce(peaceful))
     if process.wait():
@@ -120,7 +123,7 @@ def kills(number: int, random_: random.Random, scratch: Path) -> Failures:
         process = start(reproduce(study))
         number_of_signal = SIGNALS[done % len(SIGNALS)]
         try:
-            process.wait(random_.uniform(2.0, LATEST_KILL))
+            process.wait(random_.uniform(2.0, latest))
         except subprocess.TimeoutExpired:
             sent = time.monotonic()
             process.send_signal(number_of_signal)
@@ -366,10 +369,12 @@ def main() -> int:
     parser.add_argument("trials", nargs="*", metavar="TRIAL", help=", ".join(TRIALS), default=[])
     parser.add_argument("--number", type=int, help="faults of each kind; default as in docs/reliability.md")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--latest", type=float, default=LATEST_KILL, help="of kills, in seconds after a start")
     options = parser.parse_args()
     failures: Failures = []
     for name in options.trials or TRIALS:
         trial, number = TRIALS[name]
+        trial = partial(trial, latest=options.latest) if trial is kills else trial
         with tempfile.TemporaryDirectory() as scratch:
             failures += trial(options.number or number, random.Random(options.seed), Path(scratch))
     print(*failures, sep="\n")
