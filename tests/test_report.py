@@ -12,6 +12,7 @@ from conftest import record_all, tiny_settings
 from qboot.envs import get_task, registry
 from qboot.study.analysis import measures, recordings, rules, sizes, verdicts
 from qboot.study.analysis.curves import Curve, moving_mean
+from qboot.study.analysis.measures import EVOLVED
 from qboot.study.analysis.printed import Result
 from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, NO_DATA, NO_PAPER
 from qboot.study.analysis.statistics import Comparison
@@ -362,6 +363,23 @@ def test_few_or_small_runs_are_not_compared(paper_sized, tiny_run):
     assert verdicts.findings(paper_sized[:4])[0].verdict.answer == CANNOT_TELL
     small = [Run(run.folder, tiny_settings()) for run in paper_sized]
     assert verdicts.rows(small)[0].verdict.answer == CANNOT_TELL
+
+
+def test_an_evolution_that_reached_the_top_was_long_enough(paper_sized):
+    """Of 300 generations, for what is done with its runs; those that never got there were not."""
+    assert verdicts.shortfall(paper_sized, (EVOLVED,)) == ""
+    evolution = replace(paper_sized[0].settings.evolution, generations=300)
+    short = [Run(run.folder, replace(run.settings, evolution=evolution)) for run in paper_sized]
+    for run in short:
+        record_all(run)
+    assert verdicts.shortfall(short, ("generations",)) == "generations on the source set: 300 of 1,000"
+    assert verdicts.shortfall(short, (EVOLVED,)) == ""
+    run = short[0]
+    history = files.read_csv(run.file("history.csv"))
+    files.write_csv(run.file("history.csv"), history | {"best": np.full(len(history["best"]), 7.0)})
+    record_all(run)
+    words = "1 of 5 runs have neither the paper's generations nor the top score"
+    assert verdicts.shortfall(short, (EVOLVED,)) == words
 
 
 @pytest.mark.parametrize(

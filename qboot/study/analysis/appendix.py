@@ -11,6 +11,7 @@ import numpy as np
 from qboot.study.analysis import rules, verdicts
 from qboot.study.analysis.control_measures import CONTROL_MEASURES, common_episodes
 from qboot.study.analysis.curves import top_score
+from qboot.study.analysis.measures import EVOLVED
 from qboot.study.analysis.printed import ControlConclusion, TestTable
 from qboot.study.analysis.rules import CANNOT_TELL, NO_DATA, Verdict
 from qboot.study.analysis.statistics import Comparison, a12_interval, mann_whitney
@@ -69,7 +70,7 @@ def findings(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Find
 
 def shortfall(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
     """In what the cells of an experiment, or the evolved runs behind them, are smaller than the paper's, in words."""
-    of_runs = verdicts.shortfall(some, ("population", "generations", "n_steps", "horizon"))
+    of_runs = verdicts.shortfall(some, ("population", EVOLVED, "n_steps", "horizon"))
     task = task_of(some[0])
     settings = [cell.settings for of_condition in cells.values() for cell in of_condition]
     if of_runs or not settings:

@@ -25,11 +25,16 @@ from qboot.study.analysis.statistics import (
 )
 from qboot.study.store import files
 from qboot.study.store.artifacts import lineage_length, read_actions, read_arrays, read_inputs
+from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 # A Q-learner's score varies from episode to episode, for it explores: its level is a mean over the last ones.
 WINDOW = 20
+
+
+# What is done with an evolved run needs one that is done with the task: the paper's generations, or the top score.
+EVOLVED = "evolved"
 
 
 class Summary(NamedTuple):
@@ -54,7 +59,7 @@ class Measure(NamedTuple):
 
     unit: str
     read: Callable[[Run[RunSettings]], Any]  # what one run has of it
-    needs: tuple[str, ...]  # names of sizes (`qboot.study.analysis.sizes`)
+    needs: tuple[str, ...]  # names of sizes (`qboot.study.analysis.sizes`), or `EVOLVED`
     over: Callable[[list[Any]], Summary]  # of what several runs have, at least one
 
 
@@ -78,6 +83,17 @@ def over_climbs(some: list[Climb]) -> Summary:
 
 def _one(value: float) -> np.ndarray:
     return np.array([value], float)
+
+
+def is_evolved(run: Run[RunSettings], generations: int) -> bool:
+    """Whether a run has gone on for so many generations, or reached the top score on the source set before."""
+    if run.settings.evolution.generations >= generations:
+        return True
+    try:
+        climb = _generations_to_top(run)
+    except RunError:
+        return False
+    return bool(climb.curve.scores.max(initial=0.0) >= climb.top)
 
 
 def _generations_to_top(run: Run[RunSettings]) -> Climb:
@@ -108,7 +124,8 @@ def _extraction(name: str, run: Run[RunSettings]) -> np.ndarray:
 
 
 _EVOLVING = ("population", "generations", "n_steps")
-_LEARNING = (*_EVOLVING, "horizon", "episodes")
+_EVOLVED = ("population", EVOLVED, "n_steps")
+_LEARNING = (*_EVOLVED, "horizon", "episodes")
 
 
 def _values(unit: str, read: Callable[[Run[RunSettings]], np.ndarray], needs: tuple[str, ...]) -> Measure:
@@ -133,13 +150,13 @@ RUN_MEASURES = {
     ),
     "distinct actions": _values("actions", partial(_extraction, "n_distinct"), ()),
     "inputs of the Q-networks": _values("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
-    "Q-learning episodes to the top score, source": _time("episodes", _source_time, (*_EVOLVING, "horizon")),
-    "generalisation of ER": _values("score", lambda run: _one(generalisation(run, "ER")), _EVOLVING),
+    "Q-learning episodes to the top score, source": _time("episodes", _source_time, (*_EVOLVED, "horizon")),
+    "generalisation of ER": _values("score", lambda run: _one(generalisation(run, "ER")), _EVOLVED),
     "generalisation of Q-learning": _values("score", lambda run: _one(generalisation(run, "QL")), _LEARNING),
     "Q-learning episodes to the top score, target": _time("episodes", partial(_target_time, "QL"), _LEARNING),
     "ER episodes to the top score, target": _time("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
-    "ER+transfer episodes to the top score, target": _time("episodes", partial(_target_time, "ER+transfer"), _EVOLVING),
+    "ER+transfer episodes to the top score, target": _time("episodes", partial(_target_time, "ER+transfer"), _EVOLVED),
     "score of Q-learning, target": _values("score", partial(_target_score, "QL"), _LEARNING),
     "score of ER at that time, target": _values("score", partial(_target_score, "ER"), ("population", "n_steps")),
-    "score of ER+transfer at that time, target": _values("score", partial(_target_score, "ER+transfer"), _EVOLVING),
+    "score of ER+transfer at that time, target": _values("score", partial(_target_score, "ER+transfer"), _EVOLVED),
 }

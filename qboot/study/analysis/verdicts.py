@@ -10,7 +10,7 @@ import numpy as np
 from qboot.study.analysis import rules, sizes
 from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.gathering import gather
-from qboot.study.analysis.measures import RUN_MEASURES, Summary
+from qboot.study.analysis.measures import EVOLVED, RUN_MEASURES, Summary, is_evolved
 from qboot.study.analysis.printed import SAME, Conclusion, Result
 from qboot.study.analysis.rules import CANNOT_TELL, NO_DATA, SAME_WITHIN, Verdict
 from qboot.study.analysis.statistics import Comparison, Quartiles, difference_interval, mann_whitney
@@ -103,8 +103,10 @@ def shortfall(some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
     needed = sizes.of_paper(task_of(some[0]))
     if not needed:
         return "no paper tells of it"
-    smallest = {name: min(sizes.of_run(run)[name] for run in some) for name in needs}
+    smallest = {name: min(sizes.of_run(run)[name] for run in some) for name in needs if name != EVOLVED}
     short = [f"{sizes.LABELS[name]}: {n:,} of {needed[name]:,}" for name, n in smallest.items() if n < needed[name]]
+    if EVOLVED in needs and (n_short := sum(not is_evolved(run, needed["generations"]) for run in some)):
+        short.append(f"{n_short} of {len(some)} runs have neither the paper's generations nor the top score")
     return "; ".join(short)
 
 
