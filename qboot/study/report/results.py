@@ -61,8 +61,9 @@ def _made_with(study: Path, some: Runs) -> str:
     hours = sum(sum(seconds_by_step(folder).values()) for folder in _folders(study, some)) / 3_600
     seeds = sorted({run.settings.seed for run in some})
     lines = [
-        f"{len(some)} evolved runs, seeds {', '.join(map(str, seeds))}; {hours:.1f} core-hours of one thread each, "
-        "where a runner recorded them. Made by:",
+        f"{len(some)} evolved runs, seeds {', '.join(map(str, seeds))}"
+        + (f"; {hours:.1f} core-hours of one thread each, where a runner recorded them" if hours else "")
+        + ". Made by:",
         "",
         "    python experiments/results.py STUDY --docs docs",
         "",
