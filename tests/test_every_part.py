@@ -6,6 +6,7 @@ import shutil
 import warnings
 from dataclasses import replace
 
+import jax
 import pytest
 from conftest import tiny_settings
 from toy_tasks import RANDOM, corridor
@@ -75,9 +76,11 @@ def go_through(run, settings, room, field, name, folder):
         shutil.copy(run.file(file), new.file(file))
         shutil.copy(run.file(RECORD), new.file(RECORD))
         assert provenance.is_whole(new, file)
-    for stage in STAGES:
-        stage.do(runs.load(new.folder))
-        assert stage.is_done(new)
+    # Evosax mixes kinds of numbers.
+    with jax.numpy_dtype_promotion("standard" if name in ("cma_es", "open_es", "snes") else "strict"):
+        for stage in STAGES:
+            stage.do(runs.load(new.folder))
+            assert stage.is_done(new)
     text = page.write(folder).read_text()
     assert not re.search(r"<tbody>\s*</tbody>", text)
     return json.loads(new.file("config.json").read_text())["settings"][room][field]

@@ -18,6 +18,13 @@ TASK = corridor((5, RANDOM), (0, RANDOM), max_steps=20, rollouts_per_domain=2)
 DNN = DnnSettings(n_inputs=7, n_outputs=1)
 
 
+@pytest.fixture(autouse=True)
+def standard_promotion():
+    """Evosax mixes kinds of numbers."""
+    with jax.numpy_dtype_promotion("standard"):
+        yield
+
+
 def problem_with(name, **changed):
     settings = EvolutionSettings(algorithm=name, population=8, generations=4, **changed)
     return Problem(TASK, TASK.source_domains("A"), settings, DNN, jax.random.key(3), workers=1)

@@ -39,7 +39,7 @@ def contact(domain: Block, hand: jax.Array, block: jax.Array) -> tuple[jax.Array
     distance = jnp.sqrt(jnp.sum(gap**2))
     beyond_edge = jnp.sum(gap > 0.0) > 1
     face = jnp.arange(3) == jnp.argmax(outside)
-    normal = side * jnp.where(beyond_edge, gap / jnp.where(beyond_edge, distance, 1.0), face)
+    normal = side * jnp.where(beyond_edge, gap / jnp.where(beyond_edge, distance, 1.0), face.astype(gap.dtype))
     return TIP - jnp.where(beyond_edge, distance, least), normal
 
 
