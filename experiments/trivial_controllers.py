@@ -49,7 +49,7 @@ def crane(rule: jax.Array, observation: jax.Array, key: jax.Array) -> jax.Array:
     """The crane's command by one of the rules."""
     return jnp.select(
         [rule == HOLD, rule == LET_GO_AT_BUMP, rule == LET_GO_WHEN_CARRYING, rule == BY_COIN],
-        [1.0, 1.0 - bumped(observation), 1.0 - observation[11], jax.random.uniform(key)],
+        [1.0, jnp.where(bumped(observation), 0.0, 1.0), 1.0 - observation[11], jax.random.uniform(key)],
         0.0,
     )
 

@@ -77,7 +77,7 @@ def test_placements_are_free_and_within_reach(name, placement):
     for point in (domain.start[:2], *domain.balls, domain.switch):
         assert not ball_collecting.touch(domain, point, heading).collision
     # Somewhere in the basket the robot can stand.
-    spots = [domain.basket + jnp.array([dx, dy]) for dx in range(-35, 36, 5) for dy in range(-35, 36, 5)]
+    spots = [domain.basket + jnp.array([dx, dy], jnp.float32) for dx in range(-35, 36, 5) for dy in range(-35, 36, 5)]
     assert any(not ball_collecting.touch(domain, spot, heading).collision for spot in spots)
 
 
@@ -163,7 +163,8 @@ def test_the_brax_environment_is_the_task():
     step = jax.jit(wrapped.step)
     for t in range(50):
         action = jax.random.uniform(jax.random.key(t), (3,))
-        brax_state = step(brax_state, jnp.stack([action, action]))
+        with jax.numpy_dtype_promotion("standard"):  # Brax counts steps in floats and in whole numbers
+            brax_state = step(brax_state, jnp.stack([action, action]))
         state = TASK.step(domain, state, action)
         np.testing.assert_allclose(brax_state.obs[1], state.observation, atol=1e-6)
     assert brax_state.done.tolist() == [1.0, 1.0]  # the wrapper's 50 steps are over

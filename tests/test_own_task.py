@@ -78,7 +78,7 @@ def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys
 @pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
 def test_forty_sensors_and_fractions_of_a_reward(monkeypatch, tmp_path):
     def observed(state):
-        more = jnp.stack([jnp.sin(state.where * (i + 1.0)) / 2 + 0.5 for i in range(33)])
+        more = jnp.stack([jnp.sin(state.where.astype(jnp.float32) * (i + 1.0)) / 2 + 0.5 for i in range(33)])
         return state._replace(observation=jnp.concatenate([state.observation, more]), reward=state.reward * 0.037)
 
     forty = TASK._replace(

@@ -195,7 +195,7 @@ class _Robot:
         if self.success is None:
             reward, over = after.reward.astype(jnp.float32), after.done > 0
         else:
-            reached = jnp.asarray(self.success(after)) > 0
+            reached = jnp.asarray(self.success(after)).astype(jnp.float32) > 0
             reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
         after = unless(state.done, after, state.env)
         reward = jnp.where(state.done, jnp.float32(0.0), reward)

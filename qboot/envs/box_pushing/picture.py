@@ -15,7 +15,7 @@ from qboot.envs.task import Task
 
 WIDTH = 2.0  # of the block on the picture in three dimensions: the middle source size
 # Corners of a box in units of its half sizes, and which of them a face (seen from outside) or an edge joins.
-CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)))
+CORNERS = np.array(list(itertools.product((-1, 1), repeat=3)), np.float32)
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 EDGES = [(a, b) for a, b in itertools.combinations(range(8), 2) if (CORNERS[a] != CORNERS[b]).sum() == 1]
 
