@@ -145,7 +145,7 @@ def _rollouts(command: Command, steps: int, parameters: jax.Array, domains: Aren
         states, balls = carry
         actions = jax.vmap(command, in_axes=(0, 0, 0, None))(parameters, states.observation, keys, timestep)
         states = jax.vmap(dynamics.step)(domains, states, actions)
-        return (states, balls + (states.reward > 0)), None
+        return (states, balls + (states.reward > 0).astype(jnp.int32)), None
 
     start = jax.vmap(dynamics.reset)(keys, domains), jnp.zeros(len(keys), jnp.int32)
     return jax.lax.scan(step, start, jnp.arange(steps))[0][1]

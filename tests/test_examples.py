@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import jax
 import pytest
 
 from qboot.cli import main
@@ -13,6 +14,16 @@ TINY = ["--evolution.population", "8", "--evolution.generations", "2", "--action
 TINY += ["--sensors.lags", "2"]  # a tiny population may solve the reacher at once: its rollouts are short
 
 
+@pytest.fixture
+def as_brax_needs_it():
+    """Brax multiplies truth values by floats; in all threads, which a context would not reach."""
+    before = jax.config.jax_numpy_dtype_promotion
+    jax.config.update("jax_numpy_dtype_promotion", "standard")
+    yield
+    jax.config.update("jax_numpy_dtype_promotion", before)
+
+
+@pytest.mark.usefixtures("as_brax_needs_it")
 @pytest.mark.parametrize("name", ["point_robot", pytest.param("reacher", marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
 def test_an_example_goes_from_sensors_to_a_report(name, tmp_path, capsys):
@@ -29,6 +40,7 @@ def test_an_example_goes_from_sensors_to_a_report(name, tmp_path, capsys):
     assert not re.search(r"<tbody>\s*</tbody>", text)
 
 
+@pytest.mark.usefixtures("as_brax_needs_it")
 def test_a_brax_environment_is_loaded_without_a_word(recwarn):
     assert get_task(f"{EXAMPLES / 'reacher.py'}:TASK").name == "reacher"
     assert not [each for each in recwarn if "Brax" in str(each.message)]

@@ -19,7 +19,19 @@ from qboot.study.store.files import RunError
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and processes are those of POSIX")
 
 
+@pytest.fixture
+def heard():
+    """All signals as a terminal leaves them: what a shell puts in the background, or nohup starts, ignores some."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)}
+    for number in before:
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @posix
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)])
 def test_a_long_call_does_not_delay_the_end(number, code):
     """The loop is within a step that takes longer than anybody waits; the state before it is saved."""
