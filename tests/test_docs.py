@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from qboot.study.store import publishing
+
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(path.name for path in DOCS.glob("*.md"))
 
@@ -36,3 +38,7 @@ def test_links_between_pages_hold():
     for page in PAGES:
         for link in re.findall(r"\]\(([\w/.-]+)\)", (DOCS / page).read_text()):
             assert (DOCS / link).exists(), f"{page}: {link}"
+
+
+def test_published_files_are_what_their_checksums_say():
+    assert publishing.changed_files(DOCS / "data" / "standard") == []
