@@ -12,7 +12,7 @@ from qboot.study.controls.cells import find
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
 from qboot.study.report import page
-from qboot.study.store import files, runs
+from qboot.study.store import files, publishing, runs
 
 NO_CELLS = {what: {} for what in WHATS}
 
@@ -49,10 +49,16 @@ def test_few_reduced_or_incomplete_runs_are_said(scored):
     few, reduced, incomplete = summary(NO_CELLS, scored[:2]).trust
     assert few == "2 runs: chance alone can make such differences, at least 5 are compared."
     assert reduced.startswith("The sizes of this study are reduced: 1 of 8 is below the paper's")  # the number of runs
-    assert incomplete.startswith("2 of 2 runs are not complete: ball_collecting A-0 lacks evolve, extract, learn, ")
+    assert incomplete == "2 of 2 runs are not complete. Missing: evolve, extract, transfer in A-0, A-1."
     small = runs.Run(scored[0].folder, tiny_settings())
     assert summary(NO_CELLS, [small]).trust[1].startswith("The sizes of this study are reduced: 8 of 8 are below")
     assert not any("chance alone" in sentence for sentence in summary(NO_CELLS, scored).trust)
+
+
+def test_a_published_study_is_as_complete_as_it_was(tiny_study, tmp_path):
+    publishing.publish(tiny_study, tmp_path / "published")
+    told = summary(NO_CELLS, runs.find(tmp_path / "published"))
+    assert not any("not complete" in sentence for sentence in told.trust)
 
 
 def test_a_complete_study_is_told(tiny_study, tiny_run):

@@ -13,8 +13,10 @@ from qboot.study.analysis.gathering import gather
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, MIN_RUNS
 from qboot.study.analysis.words import as_number
-from qboot.study.pipeline.table import STAGES
+from qboot.study.pipeline.table import STAGES, Stage
+from qboot.study.store import provenance
 from qboot.study.store.artifacts import task_of
+from qboot.study.store.publishing import CONTENTS
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -98,15 +100,22 @@ def _trust(cells: dict[str, Cells], some: Runs) -> list[str]:
             f"The sizes of this study are reduced: {reduced} of {len(rows)} {_are(reduced)} below the paper's, "
             "so many numbers cannot be compared with it. They show that every step works, and where it leads."
         )
-    missing = {run.label: [stage.name for stage in STAGES if not stage.is_done(run)] for run in some}
-    missing = {label: names for label, names in missing.items() if names}
-    if missing:
-        which = "; ".join(f"{label} lacks {', '.join(names)}" for label, names in missing.items())
-        lines.append(f"{len(missing)} of {_count(n, 'run')} {_are(len(missing))} not complete: {which}.")
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for run in some:
+        if names := tuple(stage.name for stage in STAGES if not _has_numbers(run, stage)):
+            lacking.setdefault(names, []).append(run.folder.name)
+    if n_lacking := sum(map(len, lacking.values())):
+        which = "; ".join(f"{', '.join(names)} in {', '.join(runs)}" for names, runs in lacking.items())
+        lines.append(f"{n_lacking} of {_count(n, 'run')} {_are(n_lacking)} not complete. Missing: {which}.")
     other = sorted({run.settings.physics for run in some} - {task.physics[0]})
     if other:
         lines.append(f"Physics {', '.join(other)}, not that of record ({task.physics[0]}).")
     return lines or [f"{_count(n, 'run')}, all complete."]
+
+
+def _has_numbers(run: Run[RunSettings], stage: Stage) -> bool:
+    """Whether all is there that numbers are read from; networks are left out when a study is published."""
+    return all(provenance.is_whole(run, name) for name in stage.makes if name in CONTENTS)
 
 
 def _level(read: Callable) -> Callable[[Run[RunSettings]], float]:
