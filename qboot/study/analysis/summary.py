@@ -114,7 +114,7 @@ def _trust(cells: dict[str, Cells], some: Runs) -> list[str]:
 
 
 def _has_numbers(run: Run[RunSettings], stage: Stage) -> bool:
-    """Whether all is there that numbers are read from; networks are left out when a study is published."""
+    """Whether all is there that numbers are read from; Q-networks are left out when a study is published."""
     return all(provenance.is_whole(run, name) for name in stage.makes if name in CONTENTS)
 
 

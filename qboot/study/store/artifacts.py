@@ -13,7 +13,6 @@ from qboot.neuroevolution.lineage import Individuals
 from qboot.qlearning.inputs import InputSet, input_set
 from qboot.qlearning.problem import Problem, networks_template
 from qboot.study.store import files, provenance
-from qboot.study.store.files import RunError
 from qboot.study.store.runs import AnyRun
 
 
@@ -45,11 +44,7 @@ def read_individuals(run: AnyRun, name: str) -> Individuals:
 
 
 def read_lineage(run: AnyRun) -> Individuals:
-    """The lineage of the best-of-run, oldest first; raises RunError in what was published without networks."""
-    if not any(name.startswith("genomes.") for name in read_arrays(run, "lineage.npz")):
-        raise RunError(
-            f"{run.file('lineage.npz')} was published without its networks: evolve the run again to have them"
-        )
+    """The lineage of the best-of-run, oldest first."""
     return read_individuals(run, "lineage.npz")
 
 

@@ -1,7 +1,8 @@
 """What is published of a study: the small files behind its numbers and its figures of scores, with checksums.
 
-Networks are left out, and columns that no figure needs; `qboot report` and `experiments/results.py` read the copy as
-they read a study. Figures that replay networks say that they are missing.
+Q-networks are left out, which are large, and columns that no figure needs; `qboot report` and `experiments/results.py`
+read the copy as they read a study. Evolved networks are small: what they did is played again from the copy, and a run
+can be gone on with from it. Figures that need Q-networks say that they are missing.
 """
 
 import shutil
@@ -22,7 +23,8 @@ CONTENTS: Mapping[str, tuple[str, ...] | None] = {
     "qlearning.csv": _LEARNING,
     "generalisation.csv": None,
     "transfer.csv": None,
-    "lineage.npz": ("ids", "parents", "births", "scores"),
+    "lineage.npz": None,
+    "pareto.npz": None,
     "actions.npz": None,
     "sensors.npz": ("selected",),
 }
