@@ -22,9 +22,8 @@ import matplotlib
 import numpy as np
 from matplotlib.ticker import StrMethodFormatter
 
-from experiments.alternatives import LAST, WINDOW, draw_finals, final_score, read
+from experiments.alternatives import LAST, WINDOW, draw_finals, final_score, read, told_against, told_alone
 from qboot.envs import TaskEnv, brax_learners
-from qboot.study.analysis import statistics
 from qboot.study.analysis.curves import Curve, columns, moving_mean, top_score
 from qboot.study.figures.drawing import METHOD_COLOURS, STYLE, new_figure
 from qboot.study.pipeline import table
@@ -138,14 +137,9 @@ def markdown(scores: dict) -> str:
     lines = ["| | n | primitive steps | median [95 %] | quartiles | A12 | p |", "|---|---|---|---|---|---|---|"]
     for name, found in scores.items():
         values = found["score"]
-        low, middle, high = np.percentile(values, [25, 50, 75])
-        bounds = "[{:.2f}, {:.2f}]".format(*statistics.median_interval(values))
-        test = statistics.mann_whitney(values, scores["QL"]["score"])
-        told = f"{test.a12:.2f} | {test.p_value:.3f}" if name != "QL" else "| "
-        lines.append(
-            f"| {METHODS[name]} | {len(values)} | {np.median(found['steps']):,.0f} | {middle:.2f} {bounds} | "
-            f"{low:.2f} to {high:.2f} | {told} |"
-        )
+        told = told_against(values, scores["QL"]["score"]) if name != "QL" else "| "
+        steps = f"{np.median(found['steps']):,.0f}"
+        lines.append(f"| {METHODS[name]} | {len(values)} | {steps} | {told_alone(values)} | {told} |")
     return "\n".join(lines)
 
 

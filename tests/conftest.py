@@ -14,6 +14,7 @@ import shutil
 import warnings
 from dataclasses import replace
 
+import jax
 import pytest
 
 from qboot.study.controls import cells, sweep
@@ -22,6 +23,14 @@ from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES
 from qboot.study.store import files, provenance, runs
 from qboot.study.store.settings import CellSettings
+
+OF_EVOSAX = ("cma_es", "open_es", "snes")
+
+
+def promotion_for(name):
+    """The promotion of types that a method works with: evosax mixes kinds of numbers."""
+    return jax.numpy_dtype_promotion("standard" if name in OF_EVOSAX else "strict")
+
 
 TINY_SWEEP = {"n_runs": 2, "n_episodes": 3, "lanes": 4}
 

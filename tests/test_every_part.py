@@ -6,9 +6,8 @@ import shutil
 import warnings
 from dataclasses import replace
 
-import jax
 import pytest
-from conftest import tiny_settings
+from conftest import promotion_for, tiny_settings
 from toy_tasks import RANDOM, corridor
 
 from qboot import envs
@@ -76,8 +75,7 @@ def go_through(run, settings, room, field, name, folder):
         shutil.copy(run.file(file), new.file(file))
         shutil.copy(run.file(RECORD), new.file(RECORD))
         assert provenance.is_whole(new, file)
-    # Evosax mixes kinds of numbers.
-    with jax.numpy_dtype_promotion("standard" if name in ("cma_es", "open_es", "snes") else "strict"):
+    with promotion_for(name):
         for stage in STAGES:
             stage.do(runs.load(new.folder))
             assert stage.is_done(new)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import jax
 import numpy as np
 import pytest
+from conftest import promotion_for
 
 from qboot.envs import ball_collecting, box_pushing
 from qboot.extraction.traces import traces
@@ -224,8 +225,7 @@ def test_networks_that_do_not_fit_the_task_are_refused(network, words):
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_algorithm_resumes_and_gives_a_lineage_that_replays(name):
-    # Evosax mixes kinds of numbers.
-    with jax.numpy_dtype_promotion("standard" if name in ("cma_es", "open_es", "snes") else "strict"):
+    with promotion_for(name):
         assert_it_resumes_and_replays(name)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from qboot.study.analysis import appendix, verdicts
 from qboot.study.analysis.appendix import Cells
 from qboot.study.analysis.printed import SAME
-from qboot.study.analysis.rules import Verdict
+from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, Verdict
 from qboot.study.analysis.verdicts import Finding, Row
 from qboot.study.analysis.words import as_number
 from qboot.study.store.runs import Run
@@ -35,6 +35,15 @@ def claims(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Claim]
     """
     numbers = [_number(row) for row in verdicts.rows(some) if row.printed and row.printed.value is not None]
     return numbers + [_order(each) for each in (*verdicts.findings(some), *appendix.findings(cells, some))]
+
+
+def counted(some: list[Claim]) -> str:
+    """How many claims have which answer, in a sentence."""
+    answers = [claim.verdict.answer for claim in some]
+    return (
+        f"Of the paper's {len(answers)} claims {answers.count(AGREES)} agree, {answers.count(DIFFERS)} differ and of "
+        f"{answers.count(CANNOT_TELL)} it cannot be told."
+    )
 
 
 def _number(row: Row) -> Claim:

@@ -31,8 +31,6 @@ from qboot.study.store.settings import RunSettings
 
 # A Q-learner's score varies from episode to episode, for it explores: its level is a mean over the last ones.
 WINDOW = 20
-
-
 # What is done with an evolved run needs one that is done with the task: the paper's generations, or the top score.
 EVOLVED = "evolved"
 
@@ -124,8 +122,8 @@ def _extraction(name: str, run: Run[RunSettings]) -> np.ndarray:
 
 
 _EVOLVING = ("population", "generations", "n_steps")
-_EVOLVED = ("population", EVOLVED, "n_steps")
-_LEARNING = (*_EVOLVED, "horizon", "episodes")
+_AFTER = ("population", EVOLVED, "n_steps")
+_LEARNING = (*_AFTER, "horizon", "episodes")
 
 
 def _values(unit: str, read: Callable[[Run[RunSettings]], np.ndarray], needs: tuple[str, ...]) -> Measure:
@@ -150,13 +148,13 @@ RUN_MEASURES = {
     ),
     "distinct actions": _values("actions", partial(_extraction, "n_distinct"), ()),
     "inputs of the Q-networks": _values("inputs", lambda run: _one(len(read_inputs(run).sensors)), ()),
-    "Q-learning episodes to the top score, source": _time("episodes", _source_time, (*_EVOLVED, "horizon")),
-    "generalisation of ER": _values("score", lambda run: _one(generalisation(run, "ER")), _EVOLVED),
+    "Q-learning episodes to the top score, source": _time("episodes", _source_time, (*_AFTER, "horizon")),
+    "generalisation of ER": _values("score", lambda run: _one(generalisation(run, "ER")), _AFTER),
     "generalisation of Q-learning": _values("score", lambda run: _one(generalisation(run, "QL")), _LEARNING),
     "Q-learning episodes to the top score, target": _time("episodes", partial(_target_time, "QL"), _LEARNING),
     "ER episodes to the top score, target": _time("episodes", partial(_target_time, "ER"), ("population", "n_steps")),
-    "ER+transfer episodes to the top score, target": _time("episodes", partial(_target_time, "ER+transfer"), _EVOLVED),
+    "ER+transfer episodes to the top score, target": _time("episodes", partial(_target_time, "ER+transfer"), _AFTER),
     "score of Q-learning, target": _values("score", partial(_target_score, "QL"), _LEARNING),
     "score of ER at that time, target": _values("score", partial(_target_score, "ER"), ("population", "n_steps")),
-    "score of ER+transfer at that time, target": _values("score", partial(_target_score, "ER+transfer"), _EVOLVED),
+    "score of ER+transfer at that time, target": _values("score", partial(_target_score, "ER+transfer"), _AFTER),
 }

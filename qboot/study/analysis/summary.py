@@ -7,11 +7,11 @@ import numpy as np
 
 from qboot.study.analysis import sizes
 from qboot.study.analysis.appendix import Cells
-from qboot.study.analysis.claims import claims
+from qboot.study.analysis.claims import claims, counted
 from qboot.study.analysis.curves import generalisation, moving_mean, source_curve, target_curve, top_score
 from qboot.study.analysis.gathering import gather
 from qboot.study.analysis.measures import WINDOW
-from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, MIN_RUNS
+from qboot.study.analysis.rules import MIN_RUNS
 from qboot.study.analysis.words import as_number
 from qboot.study.pipeline.table import STAGES, Stage
 from qboot.study.store import provenance
@@ -80,14 +80,9 @@ def _found(cells: dict[str, Cells], some: Runs) -> list[str]:
         told = {who: _told(some, read) for who, read in reads.items()}
         if any(told.values()):
             lines.append(f"{where}: {'; '.join(f'{who} {words}' for who, words in told.items() if words)}.")
-    answers = [claim.verdict.answer for claim in claims(cells, some)]
-    if answers:
-        counts = ", ".join(f"{answers.count(answer)} {verb}" for answer, verb in _VERBS.items())
-        lines.append(f"Of the paper's {len(answers)} claims, {counts}.")
+    if found := claims(cells, some):
+        lines.append(counted(found))
     return lines or ["Nothing yet."]
-
-
-_VERBS = {AGREES: "agree", DIFFERS: "differ", CANNOT_TELL: "cannot be told"}
 
 
 def _trust(cells: dict[str, Cells], some: Runs) -> list[str]:

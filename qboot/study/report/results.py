@@ -4,8 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from qboot.study.analysis.claims import Claim, claims
-from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, RULES
+from qboot.study.analysis.claims import claims, counted
+from qboot.study.analysis.rules import RULES
 from qboot.study.controls.cells import find, folder_of
 from qboot.study.controls.conditions import WHATS
 from qboot.study.figures import catalogue
@@ -80,7 +80,7 @@ def _made_with(study: Path, some: Runs) -> str:
 def _section(study: Path, some: Runs, figures: Path) -> str:
     task_name = some[0].settings.task
     cells = {what: find(study, task_name, what) for what in WHATS}
-    lines = [f"## {as_title(some[0].task_name)}", "", _counted(claims(cells, some)), ""]
+    lines = [f"## {as_title(some[0].task_name)}", "", counted(claims(cells, some)), ""]
     for title, table in tables.of_task(some, cells).items():
         lines += [f"### {title}", "", table, ""]
     for name in PLOTS:
@@ -89,14 +89,6 @@ def _section(study: Path, some: Runs, figures: Path) -> str:
         if cells[what]:
             lines += _figure(what, some, partial(catalogue.draw_control, what, study, task_name), figures)
     return "\n".join(lines)
-
-
-def _counted(some: list[Claim]) -> str:
-    answers = [claim.verdict.answer for claim in some]
-    return (
-        f"Of the paper's {len(answers)} claims {answers.count(AGREES)} agree, {answers.count(DIFFERS)} differ and of "
-        f"{answers.count(CANNOT_TELL)} it cannot be told."
-    )
 
 
 def _figure(name: str, some: Runs, draw: Callable[[], Drawn], figures: Path) -> list[str]:
