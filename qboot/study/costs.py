@@ -19,7 +19,7 @@ from qboot.study.jobs import Job
 from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
 
-# What only an extraction tells, as found in the runs of docs/results.md: ancestors of the best-of-run for each
+# What only an extraction tells, about as in the runs of docs/results.md: ancestors of the best-of-run for each
 # generation, and the share of all inputs that the automatic selection keeps.
 ANCESTORS_PER_GENERATION = 0.25
 SHARE_OF_INPUTS = 0.6
