@@ -8,7 +8,9 @@ from conftest import tiny_settings
 from toy_tasks import corridor
 
 from qboot import cli
+from qboot.envs.registry import get_task
 from qboot.study import calibration, costs, dry_run, jobs
+from qboot.study.controls.conditions import WHATS, places
 from qboot.study.pipeline import profiles
 
 RATES = costs.Costs(
@@ -62,7 +64,8 @@ def test_a_transfer_reports_three_parts_in_their_order(table):
 def test_a_control_experiment_costs_as_many_episodes_as_its_learners(table):
     free = RATES._replace(start=0.0, compile_evolution=0.0, compile_learning=0.0, update=0.0, weight=0.0)
     by_what = {job.what: sum(costs.seconds_of(job, free).values()) for job in table if not job.run}
-    learners = {job.what: len(job.makes) for job in table if not job.run}
+    task = get_task("ball_collecting")
+    learners = {what: sum(place.what == what for place in places(task, what).values()) for what in WHATS}
     # Steps of the robot alone, the same for every learner.
     each = {what: by_what[what] / learners[what] for what in by_what}
     assert each["sensors"] == pytest.approx(each["actions"])

@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from qboot.envs.registry import BUILT_IN, get_task
-from qboot.study.controls.cells import folder_of as folder_of_cells
-from qboot.study.controls.conditions import WHATS, places
+from qboot.study.controls import cells
+from qboot.study.controls.conditions import WHATS, Place, places
+from qboot.study.controls.sweep import LANES
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES, Stage, stage
 from qboot.study.store import runs
+from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -27,7 +29,7 @@ class Job(NamedTuple):
     folder: Path  # of the run, or of the experiment
     arguments: tuple[str, ...]  # of `qboot`
     needs: tuple[Path, ...]  # files that other jobs make
-    makes: tuple[Path, ...]  # it is done when all of them are there
+    makes: tuple[Path, ...]  # in every study; a control experiment makes more where the evolved runs allow it
     is_parallel: bool  # whether it makes use of several workers
     run: RunSettings | None = None  # of a stage
 
@@ -41,7 +43,17 @@ class Job(NamedTuple):
         """Whether all that the job makes is there."""
         if self.run:
             return stage(self.step).is_done(Run(self.folder, self.run))
-        return all(path.exists() for path in self.makes)
+        return all(path.exists() for path in self.makes) and self._has_all_cells()
+
+    def _has_all_cells(self) -> bool:
+        """Whether all cells of a control experiment are there that can be had from its evolved runs."""
+        size = profiles.control_size_of(get_task(self.task), self.what, self.profile)
+        study = self.folder.parents[2]
+        try:
+            planned = cells.plan(study, self.task, self.what, self.profile, size.runs, size.episodes, LANES)
+        except RunError:  # no evolved runs, or none that go with what is there: `qboot ablate` says which
+            return False
+        return all((folder / "qlearning.csv").exists() for folder in planned.cells)
 
 
 def jobs_of(profile: str, task: str | None, out: Path, physics: str | None = None) -> list[Job]:
@@ -93,22 +105,31 @@ def _stage_job(out: Path, run: RunSettings, stage: Stage) -> Job:
 def _control_job(out: Path, task: str, what: str, profile: str, of_runs: list[RunSettings]) -> Job:
     """A control experiment; it needs the actions and sensors of all runs of its task, from which its learners start."""
     name, size = get_task(task).name, profiles.control_size_of(get_task(task), what, profile)
-    at_home: dict[bool, list[Path]] = {True: [], False: []}
-    for place in places(get_task(task), what).values():
-        folder = folder_of_cells(out, name, place.what) / place.condition
-        at_home[place.what == what] += [folder / str(seed) / "qlearning.csv" for seed in range(size.runs)]
+    of_places = {
+        place: [cells.folder_of(out, name, place.what) / place.condition / str(seed) for seed in range(size.runs)]
+        for place in places(get_task(task), what).values()
+    }
+    own = [
+        folder for place, some in of_places.items() if place.what == what for folder in some if _is_certain(task, place)
+    ]
+    shared = [folder for place, some in of_places.items() if place.what != what for folder in some]
     return Job(
         label=f"{name} {what}",
         task=task,
         profile=profile,
         step=ABLATE,
         what=what,
-        folder=folder_of_cells(out, name, what),
+        folder=cells.folder_of(out, name, what),
         arguments=(ABLATE, "--task", task, "--what", what, "--profile", profile, "--out", str(out)),
         needs=(
             *(runs.folder_of(out, run) / file for run in of_runs for file in EVOLVED),
-            *at_home[False],  # cells that it has in common with another experiment
+            *(folder / "qlearning.csv" for folder in shared),  # cells that another experiment makes
         ),
-        makes=tuple(at_home[True]),
+        makes=tuple(folder / "qlearning.csv" for folder in own),
         is_parallel=True,
     )
+
+
+def _is_certain(task: str, place: Place) -> bool:
+    """Whether every evolved run can give a condition: as many actions as were extracted from it, or fewer."""
+    return place.what != "n_actions" or int(place.condition) <= profiles.defaults_of(get_task(task)).actions.n_actions

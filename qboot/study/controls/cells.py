@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from qboot.envs.registry import canonical, get_task
 from qboot.envs.task import Task
@@ -24,11 +25,36 @@ FILES = (*EQUIP.makes, *LEARN_CELL.makes)
 Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
 
 
-def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Cells:
-    """The cells of an experiment, begun now or earlier, and the evolved run of each.
+class Plan(NamedTuple):
+    """The cells that an experiment has to have, in their order."""
 
-    A number of actions for which one of the evolved runs has too few segments is left out, and said on stderr: from
-    the others alone it would be compared on other runs than the rest.
+    cells: dict[Path, tuple[CellSettings, Run[RunSettings]]]  # by folder, and the evolved run of each
+    left_out: list[str]  # conditions that cannot be had, and why, a line each
+
+
+def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Cells:
+    """The cells of an experiment, begun now or earlier, and the evolved run of each; arguments and errors of `plan`.
+
+    Conditions that are left out are said on stderr.
+
+    Raises:
+        RunError: also if a cell was begun with other settings or for fewer episodes, or all conditions are left out.
+    """
+    planned = plan(study, task_name, what, profile, n_runs, n_episodes, lanes)
+    if not planned.cells:
+        raise RunError("; ".join(planned.left_out))
+    for line in planned.left_out:
+        print(f"qboot: {line}", file=sys.stderr)
+    for folder in planned.cells:
+        _set_aside_damaged(folder)
+    return {runs.create(folder, settings): run for folder, (settings, run) in planned.cells.items()}
+
+
+def plan(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Plan:
+    """The cells that an experiment has to have, begun or not.
+
+    A number of actions for which one of the evolved runs has too few segments is left out: from the others alone it
+    would be compared on other runs than the rest.
 
     Args:
         study: folder of the study, with finished runs of the task.
@@ -41,8 +67,8 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, a cell was begun with other settings or for
-            fewer episodes, or all conditions are left out.
+        RunError: if no run of the task has extracted actions and sensors, one that cells were begun from is gone, or
+            the runs' own number of actions is not the task's.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
@@ -50,8 +76,7 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     task = get_task(task_name)
     evolved = _evolved(study, task.name)
     by_name = {run.folder.name: run for run in evolved}
-    planned: dict[Path, tuple[CellSettings, Run[RunSettings]]] = {}
-    left_out = []
+    planned = Plan({}, [])
     for condition, place in places(task, what).items():
         of_condition = {}
         for seed in range(n_runs):
@@ -87,14 +112,10 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
             _check_lags(settings, task)
             of_condition[folder] = settings, run
         if reason := _impossible(place, [run for _, run in of_condition.values()]):
-            left_out.append(f"{task.name} {what} {condition} is left out: {reason}")
+            planned.left_out.append(f"{task.name} {what} {condition} is left out: {reason}")
         else:
-            planned |= of_condition
-    if not planned:
-        raise RunError("; ".join(left_out))
-    for line in left_out:
-        print(f"qboot: {line}", file=sys.stderr)
-    return {runs.create(folder, settings): run for folder, (settings, run) in planned.items()}
+            planned.cells.update(of_condition)
+    return planned
 
 
 def _impossible(place: Place, some: list[Run[RunSettings]]) -> str:
@@ -169,15 +190,19 @@ def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[Ce
 
 
 def _known(folder: Path) -> CellSettings | None:
-    """The settings of a cell that was begun; None for a new one. What cannot be read is set aside."""
-    config = folder / "config.json"
-    if not config.exists():
+    """The settings of a cell that was begun; None for a new one, and for what cannot be read."""
+    if not (folder / "config.json").exists():
         return None
     try:
         return runs.load(folder, CellSettings).settings
     except runs.Damaged:
-        files.set_aside(config, "is damaged")
         return None
+
+
+def _set_aside_damaged(folder: Path) -> None:
+    """Make room for the settings of a cell where there are some that cannot be read."""
+    if (config := folder / "config.json").exists() and not _known(folder):
+        files.set_aside(config, "is damaged")
 
 
 def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
