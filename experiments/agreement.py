@@ -44,8 +44,8 @@ def rollouts(physics: str, genomes: Genome, settings: DnnSettings, seed: int) ->
     """One episode of B networks on the source blocks; the same `seed` gives the same starts on any physics."""
     keys = jax.random.split(jax.random.key(seed), len(genomes.weights))
     robot = on_physics(physics)
-    function = partial(evaluation.evaluate, robot, settings, FLOW, robot.source_domains("A"))
-    return evaluation.in_blocks(function, 1, genomes, keys)._replace(descriptors=None)
+    found = evaluation.evaluate_all(robot, settings, FLOW, robot.source_domains("A"), genomes, keys, workers=1)
+    return found._replace(descriptors=None)
 
 
 def agreement(genomes: Genome, settings: DnnSettings, seed: int = 0) -> dict[str, float]:

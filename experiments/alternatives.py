@@ -26,7 +26,7 @@ from qboot.extraction.segmentation import SEGMENTATIONS
 from qboot.extraction.sensors import SELECTIONS
 from qboot.neuroevolution.algorithms import ALGORITHMS
 from qboot.neuroevolution.distances import DISTANCES
-from qboot.neuroevolution.evaluation import evaluate
+from qboot.neuroevolution.evaluation import evaluate_all
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
 from qboot.study.analysis.curves import columns, common_grid, moving_mean, source_curve, top_score
@@ -132,7 +132,9 @@ def final_score(run: Run[RunSettings], method: str) -> float:
     fresh = jax.random.split(key_of(run, "fresh"), FRESH)
     recorder = DISTANCES["adhoc"].recorder
     domains = task.source_domains(run.settings.source)
-    return float(evaluate(task, run.settings.dnn, recorder, domains, genomes, fresh).scores.sum(axis=1).mean())
+    return float(
+        evaluate_all(task, run.settings.dnn, recorder, domains, genomes, fresh, workers=1).scores.sum(axis=1).mean()
+    )
 
 
 def note(out: Path, done: list[dict[tuple[str, str], Run[RunSettings]]]) -> None:

@@ -142,7 +142,7 @@ def generation(name: str, physics: str, workers: int, n_before: int = 0, reevalu
     for diversity in DISTANCES:
         problem = problem_in(physics, (diversity,))
         # The survivors as this distance describes them; this compiles, too.
-        state = begun._replace(behaviours=evolve.describe(problem, begun.population, begun.generation))
+        state = begun._replace(behaviours=evolve.describe(problem, begun.population, begun.generation, begun.room))
         seconds[diversity] = least(lambda problem=problem, state=state: evolve.step(problem, state))
     return {"workers": workers, "median_s": float(np.median(list(seconds.values()))), **seconds}
 

@@ -22,6 +22,7 @@ RATES = costs.Costs(
     update=1e-5,
     weight=1e-10,
     lived=0.5,
+    lived_evolving=0.8,
 )
 
 

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from qboot.envs import ball_collecting, box_pushing
 from qboot.neuroevolution import dnn, evaluation
 from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.recorders import FLOW, STATES, Recorder, Timestep
+from qboot.neuroevolution.variation import MutationRates, mutate
 from tests.toy_tasks import CELLS, RANDOM, assert_same, corridor
 
 PARTS = (*[distance.recorder for distance in DISTANCES.values()], FLOW, STATES)
@@ -105,3 +107,41 @@ def test_arrays_of_odd_shapes_are_refused():
     ):
         with pytest.raises(AssertionError):
             evaluate(**odd)
+
+
+GROWING = MutationRates(0.3, 0.3, 0.3, 0.6, 0.05, 0.2)
+ROBOTS = {
+    "ball_collecting": ball_collecting.TASK._replace(max_steps=300),
+    "box_pushing": box_pushing.on_physics("kinematic")._replace(max_steps=300),
+    "corridor": corridor((5, 1), (2, 4)),
+}
+
+
+def chosen_by(mask, new, old):
+    return np.where(evaluation.expand(mask, new), new, old)
+
+
+def networks_of_all_sizes(settings):
+    """16 networks of 0 to 15 rounds of growth."""
+    grow = jax.jit(jax.vmap(partial(mutate, settings=settings, rates=GROWING)))
+    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 16), settings)
+    for i in range(15):
+        mutants, _ = grow(jax.random.split(jax.random.key(i + 1), 16), genomes)
+        grows = np.arange(16) > i
+        genomes = jax.tree.map(partial(chosen_by, grows), mutants, genomes)
+    return jax.device_get(genomes)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_room_for_hidden_neurons_changes_rounding_alone(name):
+    task = ROBOTS[name]
+    settings = DnnSettings(n_inputs=len(task.sensors), n_outputs=len(task.effectors))
+    genomes, keys = networks_of_all_sizes(settings), jax.random.split(jax.random.key(7), 16)
+    last = np.flatnonzero(genomes.hidden.any(axis=0))[-1]
+    rooms = [dnn.least_room(jax.tree.map(lambda leaf, n=n: leaf[:n], genomes), settings) for n in range(1, 17)]
+    assert rooms == sorted(rooms) and rooms[0] == 4 and rooms[-1] > last
+    parts = task, settings, FLOW, task.source_domains("A"), genomes, keys
+    least, all_room = evaluation.evaluate_all(*parts, workers=1), evaluation.evaluate_all(*parts, workers=1, room=20)
+    assert_same(evaluation.evaluate_all(*parts, workers=2, room=rooms[-1]), least)
+    begun, other = (jax.tree.map(lambda leaf: leaf[..., :100, :], each.descriptors) for each in (least, all_room))
+    assert_same(begun, other, atol=1e-3)

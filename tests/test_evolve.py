@@ -51,7 +51,7 @@ def test_a_run_repeats_itself_and_does_not_depend_on_threads():
 def test_behaviours_of_survivors_are_those_of_running_them_again():
     run_problem = problem()
     state, _ = run(run_problem, 3)
-    assert_same(evolve.describe(run_problem, state.population, state.generation), state.behaviours)
+    assert_same(evolve.describe(run_problem, state.population, state.generation, state.room), state.behaviours)
 
 
 @pytest.mark.parametrize(("newborn_first", "expected"), [(False, [0, 1, 3]), (True, [0, 2, 3])])
@@ -62,7 +62,7 @@ def test_of_equals_the_older_or_the_newborn_survive(monkeypatch, newborn_first, 
     settings = replace(SETTINGS, population=3, newborn_first=newborn_first)
     ids, none = np.arange(4), np.full(4, NO_PARENT)
     everyone = Individuals(np.zeros((4, 1)), ids, none, np.zeros(4, np.int32), np.zeros(4, np.float32))
-    state = evolve.EvolveState(0, everyone, None, None, None, everyone.take(slice(0, 0)), 4)
+    state = evolve.EvolveState(0, everyone, None, None, None, everyone.take(slice(0, 0)), 4, 4)
     state = evolve._survive(problem(settings=settings), state, everyone, np.arange(4))
     assert sorted(state.population.ids) == expected
     np.testing.assert_array_equal(state.behaviours, state.population.ids)
@@ -232,7 +232,7 @@ def test_every_algorithm_resumes_and_gives_a_lineage_that_replays(name):
 def assert_it_resumes_and_replays(name):
     algorithm, run_problem = ALGORITHMS[name], problem(settings=replace(SETTINGS, algorithm=name, horizon=3))
     state, _ = algorithm.init(run_problem, None)
-    saved = jax.tree.map(np.asarray, algorithm.condensed(state))
+    saved = jax.tree.map(lambda leaf: leaf if isinstance(leaf, int) else np.asarray(leaf), algorithm.condensed(state))
     state, info = algorithm.step(run_problem, state)
     resumed, info_resumed = algorithm.step(run_problem, algorithm.restored(run_problem, saved))
     assert_same(state, resumed)

@@ -7,6 +7,7 @@ import chex
 import jax
 import numpy as np
 
+from qboot.neuroevolution.dnn import least_room
 from qboot.neuroevolution.evaluation import BLOCK
 from qboot.neuroevolution.lineage import Individuals
 from qboot.neuroevolution.problem import Problem, evaluate_individuals
@@ -39,9 +40,10 @@ def traces(
     chex.assert_rank(lineage.ids, 1)
     chex.assert_tree_shape_prefix(lineage, lineage.ids.shape)
     found, scores = [], []
+    room = least_room(lineage.genomes, problem.dnn)  # one compiled program for all
     for start in range(0, len(lineage.ids), BLOCK):
         some = lineage.take(slice(start, start + BLOCK))
-        flow = evaluate_individuals(problem, FLOW, some, some.births)
+        flow = evaluate_individuals(problem, FLOW, some, some.births, room)
         observations, commands = flow.descriptors
         for policy, steps in enumerate(flow.steps):
             for rollout, length in enumerate(steps):

@@ -12,8 +12,11 @@ from typing import NamedTuple
 import chex
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 BIAS_GAIN = 5.0  # a bias acts five-fold, as in the authors' program
+
+LEAST_ROOM = 4  # less room than this for hidden neurons saves nothing
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,25 @@ def express(genome: Genome, settings: DnnSettings) -> Network:
     rows = jnp.where(genome.connected, genome.targets - settings.n_inputs, settings.n_computing)
     weights = jnp.zeros((settings.n_computing, settings.n_neurons))
     return Network(weights.at[rows, genome.sources].add(genome.weights, mode="drop"), genome.biases)
+
+
+def least_room(genomes: Genome, settings: DnnSettings) -> int:
+    """Room for hidden neurons that B networks (leading axis) fit into: 4, 8, 16, ..., or all that there is.
+
+    Evolved networks have few hidden neurons, and the cost of a step grows with the room for them.
+    """
+    hidden = np.asarray(genomes.hidden)
+    needed = np.max(hidden * np.arange(1, settings.max_hidden + 1), initial=0)
+    room = LEAST_ROOM
+    while room < needed:
+        room *= 2
+    return min(room, settings.max_hidden)
+
+
+def cropped(genomes: Genome, settings: DnnSettings) -> Genome:
+    """Genomes (leading axis) without the room for hidden neurons that `settings` do not have; they must fit."""
+    n_computing, max_hidden = settings.n_computing, settings.max_hidden
+    return genomes._replace(biases=genomes.biases[:, :n_computing], hidden=genomes.hidden[:, :max_hidden])
 
 
 def rest(network: Network) -> jax.Array:

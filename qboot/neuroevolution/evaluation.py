@@ -6,6 +6,7 @@ by side, T steps, K computing neurons.
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -186,6 +187,26 @@ def evaluate(
     descriptors, rewards, steps = run(task, recorder, networks, lanes, rollout_keys.reshape(-1))
     result = Evaluation(rewards / task.reward, steps, descriptors)
     return jax.tree.map(lambda leaf: leaf.reshape(len(keys), n_rollouts, *leaf.shape[1:]), result)
+
+
+def evaluate_all(
+    task: Task,
+    settings: DnnSettings,
+    recorder: Recorder,
+    domains: Domain,
+    genomes: Genome,
+    keys: jax.Array,
+    workers: int,
+    room: int | None = None,
+) -> Evaluation:
+    """`evaluate` with no more room for hidden neurons than needed, in blocks spread over threads; NumPy arrays.
+
+    All but the last two arguments are those of `evaluate`. `workers` is the number of threads, which changes nothing;
+    `room` the number of hidden neurons, which changes how the last bit is rounded: None is the least that all fit into.
+    """
+    settings = replace(settings, max_hidden=dnn.least_room(genomes, settings) if room is None else room)
+    function = partial(evaluate, task, settings, recorder, domains)
+    return in_blocks(function, workers, dnn.cropped(genomes, settings), keys)
 
 
 def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):

@@ -30,6 +30,7 @@ class EvolveState(NamedTuple):
     crowding: np.ndarray  # (P,)
     archive: Individuals  # all ancestors of the population, sorted by id
     next_id: int
+    room: int  # for hidden neurons, of the program that gave the behaviours
 
 
 class SavedState(NamedTuple):
@@ -41,6 +42,7 @@ class SavedState(NamedTuple):
     crowding: np.ndarray
     archive: Individuals
     next_id: int
+    room: int
 
 
 def diversity_in_force(problem: Problem, generation: int) -> str:
@@ -68,8 +70,9 @@ def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, Ev
         is_front = ids < len(front.weights)
         genomes = jax.tree.map(lambda a, b: np.where(expand(is_front, a), a, b), parents, mutants)
     newborn = _unborn(genomes, ids, np.full(n, NO_PARENT), 0)
-    newborn, behaviours, lived = _evaluated(problem, newborn, 0)
-    state = EvolveState(0, newborn, behaviours, np.zeros(n), np.zeros(n), newborn.take(slice(0, 0)), n)
+    room = dnn.least_room(newborn.genomes, problem.dnn)
+    newborn, behaviours, lived = _evaluated(problem, newborn, 0, room)
+    state = EvolveState(0, newborn, behaviours, np.zeros(n), np.zeros(n), newborn.take(slice(0, 0)), n, room)
     state = _survive(problem, state, newborn, behaviours)
     return state, _info(problem, state, lived, refused)
 
@@ -86,23 +89,27 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
         _mutants(keys(problem.key, "mutation", ids), parents.genomes, problem.dnn, problem.settings.rates)
     )
     children = _unborn(genomes, ids, parents.ids, generation)
+    everyone = Individuals.concatenate(state.population, children)
+    is_new_distance = diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation)
+    # A new distance, or more room, is another program, which describes the survivors anew: what is compared comes from
+    # one program, and so does what a resumed run computes again. So room is given up with a distance alone.
+    room = max(dnn.least_room(everyone.genomes, problem.dnn), 0 if is_new_distance else state.room)
     if problem.settings.reevaluate:
-        everyone = Individuals.concatenate(state.population, children)
-        everyone, behaviours, lived = _evaluated(problem, everyone, generation)
+        everyone, behaviours, lived = _evaluated(problem, everyone, generation, room)
     else:
-        if diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation):
-            state = state._replace(behaviours=describe(problem, state.population, generation))
-        children, behaviours, lived = _evaluated(problem, children, generation)
+        if is_new_distance or room != state.room:
+            state = state._replace(behaviours=describe(problem, state.population, generation, room))
+        children, behaviours, lived = _evaluated(problem, children, generation, room)
         everyone = Individuals.concatenate(state.population, children)
         behaviours = np.concatenate([state.behaviours, behaviours])
-    state = state._replace(generation=generation, next_id=state.next_id + n)
+    state = state._replace(generation=generation, next_id=state.next_id + n, room=room)
     state = _survive(problem, state, everyone, behaviours)
     return state, _info(problem, state, lived, int(refused.sum()))
 
 
-def describe(problem: Problem, individuals: Individuals, generation: int) -> np.ndarray:
-    """Behaviours of individuals as `generation` sees them, by running them again, to the bit."""
-    return _evaluate(problem, individuals, generation).descriptors
+def describe(problem: Problem, individuals: Individuals, generation: int, room: int) -> np.ndarray:
+    """Behaviours of individuals as `generation` sees them, by running them again in the same `room`, to the bit."""
+    return _evaluate(problem, individuals, generation, room).descriptors
 
 
 def pareto_front(state: EvolveState) -> Individuals:
@@ -122,7 +129,7 @@ def condensed(state: EvolveState) -> SavedState:
 
 def restored(problem: Problem, saved: SavedState) -> EvolveState:
     """The state that was saved, to the bit."""
-    return EvolveState(**saved._asdict(), behaviours=describe(problem, saved.population, saved.generation))
+    return EvolveState(**saved._asdict(), behaviours=describe(problem, saved.population, saved.generation, saved.room))
 
 
 def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behaviours: np.ndarray) -> EvolveState:
@@ -152,15 +159,17 @@ def _unborn(genomes: Genome, ids: np.ndarray, parents: np.ndarray, generation: i
     return Individuals(genomes, ids, parents, np.full(len(ids), generation, np.int32), np.zeros(len(ids), np.float32))
 
 
-def _evaluated(problem: Problem, some: Individuals, generation: int) -> tuple[Individuals, np.ndarray, float]:
-    result = _evaluate(problem, some, generation)
+def _evaluated(
+    problem: Problem, some: Individuals, generation: int, room: int
+) -> tuple[Individuals, np.ndarray, float]:
+    result = _evaluate(problem, some, generation, room)
     lived = float(result.steps.mean() / problem.task.max_steps)
     return some._replace(scores=np.asarray(result.scores).sum(axis=1)), result.descriptors, lived
 
 
-def _evaluate(problem: Problem, some: Individuals, generation: int) -> Evaluation:
+def _evaluate(problem: Problem, some: Individuals, generation: int, room: int) -> Evaluation:
     recorder = DISTANCES[diversity_in_force(problem, generation)].recorder
-    return evaluate_individuals(problem, recorder, some, generation)
+    return evaluate_individuals(problem, recorder, some, generation, room)
 
 
 @partial(jax.jit, static_argnums=1)

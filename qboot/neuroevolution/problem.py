@@ -1,7 +1,6 @@
 """What is evolved: the problem that every algorithm gets, how individuals are evaluated in it, and what is logged."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -69,15 +68,21 @@ class EvolveInfo(NamedTuple):
 
 
 def evaluate_individuals(
-    problem: Problem, recorder: Recorder, individuals: Individuals, generation: int | np.ndarray
+    problem: Problem,
+    recorder: Recorder,
+    individuals: Individuals,
+    generation: int | np.ndarray,
+    room: int | None = None,
 ) -> Evaluation:
     """Evaluate B individuals, one episode each, from the starts that `generation`, or each one's (B,), gives them.
 
-    Doing so again gives the same, to the bit. Returns NumPy arrays.
+    Doing so again, in the same `room` for hidden neurons, gives the same to the bit; None is the least room that they
+    fit into. Returns NumPy arrays.
     """
-    function = partial(evaluation.evaluate, problem.task, problem.dnn, recorder, problem.domains)
     keys = evaluation_keys(problem, individuals, generation)
-    return evaluation.in_blocks(function, problem.workers, individuals.genomes, keys)
+    return evaluation.evaluate_all(
+        problem.task, problem.dnn, recorder, problem.domains, individuals.genomes, keys, problem.workers, room
+    )
 
 
 def evaluation_keys(problem: Problem, individuals: Individuals, generation: int | np.ndarray) -> jax.Array:

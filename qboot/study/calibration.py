@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -30,8 +31,11 @@ def measure(task: Task, n_steps: int) -> Costs:
     # A block of the first generation, as evolution evaluates it.
     keys, recorder = jax.random.split(jax.random.key(0), evaluation.BLOCK), DISTANCES["hamming"].recorder
     genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(keys, defaults.dnn)
-    evaluate = jax.jit(lambda *some: evaluation.evaluate(task, defaults.dnn, recorder, domains, *some).scores)
+    network = replace(defaults.dnn, max_hidden=dnn.least_room(genomes, defaults.dnn))
+    genomes = dnn.cropped(genomes, network)
+    evaluate = jax.jit(lambda *some: evaluation.evaluate(task, network, recorder, domains, *some).steps)
     compile_evolution, block = _timed(lambda: evaluate(genomes, keys))
+    lived = int(evaluate(genomes, keys).sum())
     # An episode with random actions, of which nothing is replayed.
     small = _problem(task, defaults.actions.n_actions, round(n_selected(task, defaults)))
     state = qlearning.init(jax.random.key(0), small)
@@ -46,11 +50,12 @@ def measure(task: Task, n_steps: int) -> Costs:
         start=defaults.usual_costs.start,
         compile_evolution=compile_evolution,
         compile_learning=compile_learning,
-        rollout_step=block / (evaluation.BLOCK * rollout_steps),
+        rollout_step=block / lived,
         acting_step=max(episode - decisions * of_small, 0.0) / steps,
         update=max(of_small - weight * _n_weights(small), 0.0),
         weight=weight,
         lived=steps / rollout_steps,
+        lived_evolving=defaults.usual_costs.lived_evolving,
     )
 
 

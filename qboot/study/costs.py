@@ -81,7 +81,8 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
     def generations(n: int, n_rollouts: int) -> float:
         episodes = evolution.population * (2 + n * (2 if evolution.reevaluate else 1))
         programs = min(len(evolution.diversities), 1 + n // evolution.diversity_period)
-        return programs * costs.compile_evolution + episodes * n_rollouts * run.n_steps * costs.rollout_step
+        steps = episodes * n_rollouts * run.n_steps * costs.lived_evolving
+        return programs * costs.compile_evolution + steps * costs.rollout_step
 
     def episodes(n: int, n_rollouts: int) -> float:
         duration = (run.actions.min_duration + run.actions.max_duration) / 2
@@ -93,7 +94,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
         return {step: costs.start + generations(evolution.generations, source)}
     if step == "extract":
         ancestors = min(evolution.horizon, max(2.0, ANCESTORS_PER_GENERATION * evolution.generations))
-        steps = ancestors * source * run.n_steps
+        steps = ancestors * source * run.n_steps * costs.lived_evolving
         return {step: costs.start + costs.compile_evolution + steps * costs.rollout_step * EXTRACTION}
     if step == "learn":
         return {step: costs.start + episodes(run.episodes, source)}

@@ -47,16 +47,17 @@ class Costs(NamedTuple):
     start: float  # a process and its libraries
     compile_evolution: float  # the program that evaluates a block of controllers
     compile_learning: float  # the program of an episode of Q-learning
-    rollout_step: float  # evolution: a step of one rollout with network and recorder
+    rollout_step: float  # evolution: a step that a robot lives, with network and recorder
     acting_step: float  # Q-learning: a step of the robot
     update: float  # Q-learning: an update, were the networks without weights
     weight: float  # Q-learning: what each input weight of all networks adds to an update
     lived: float  # share of the longest rollout that a Q-learner lives
+    lived_evolving: float  # the same of evolving robots, from runs of full size: early ones live shorter or longer
 
 
 # On a core of an Intel Xeon (AVX-512), jax 0.10: for the weights of the progress bar, whose proportions alone count.
 START = 4.0
-USUAL = Costs(START, 9.0, 4.5, 4.4e-7, 1.3e-6, 5e-6, 8e-11, 1.0)
+USUAL = Costs(START, 9.0, 4.5, 4.4e-7, 1.3e-6, 5e-6, 8e-11, 1.0, 1.0)
 
 
 class Defaults(NamedTuple):

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from qboot import qlearning
 from qboot.envs.task import Domain
 from qboot.neuroevolution import evaluation
@@ -71,8 +69,8 @@ def _generalisation(run: Run[RunSettings], domains: Domain, networks: Any) -> di
     task, key = task_of(run), key_of(run, "rollouts")
     best = read_lineage(run).take(slice(-1, None))
     # Recorded as a replay is, though only the scores are read: where shapes agree, one compiled program serves both.
-    evaluated = evaluation.evaluate(task, run.settings.dnn, STATES, domains, best.genomes, key[None])
-    scores = np.asarray(evaluated.scores)[0]
+    evaluated = evaluation.evaluate_all(task, run.settings.dnn, STATES, domains, best.genomes, key[None], workers=1)
+    scores = evaluated.scores[0]
     of_network = scores.reshape(-1, task.rollouts_per_domain).sum(axis=1)
     of_policy = qlearning.evaluate(networks, key, learning_problem_on(run, domains))
     return {
