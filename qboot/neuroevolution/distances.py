@@ -25,6 +25,7 @@ from qboot.neuroevolution.recorders import Recorder, Timestep, keep_rows, no_sum
 
 ENTROPY_BINS = 9  # appendix B, entropy discretization
 WORD = 32  # bits
+STEPS_IN_CACHE = 256  # of all individuals, gone through channel by channel while they are there
 
 
 class Distance(NamedTuple):
@@ -81,12 +82,24 @@ def hamming(descriptors: jax.Array, n_channels: int) -> jax.Array:
     chex.assert_shape(descriptors, (None, None, None, -(-n_channels // WORD)))
     n_individuals = descriptors.shape[0]
     words = descriptors.reshape(n_individuals, -1, descriptors.shape[-1])
+    n_steps = words.shape[1]
+
+    def add(totals: jax.Array, start: int | jax.Array, size: int) -> jax.Array:
+        some = jax.lax.dynamic_slice_in_dim(words, start, size, axis=1)
+        bits = (
+            ((some[..., channel // WORD] >> (channel % WORD)) & 1).astype(jnp.int32) for channel in range(n_channels)
+        )
+        counts = ((each, jnp.sum(each, axis=0)) for each in bits)
+        return totals + jnp.stack([jnp.sum(c + each * (n_individuals - 2 * c), axis=1) for each, c in counts])
+
+    size = min(STEPS_IN_CACHE, n_steps)
+    totals = jnp.zeros((n_channels, n_individuals), jnp.int32)
+    totals = jax.lax.fori_loop(0, n_steps // size, lambda i, totals: add(totals, i * size, size), totals)
+    totals = add(totals, n_steps - n_steps % size, n_steps % size)
     differing = jnp.zeros(n_individuals, jnp.float32)
-    for channel in range(n_channels):
-        bits = ((words[..., channel // WORD] >> (channel % WORD)) & 1).astype(jnp.int32)
-        count = jnp.sum(bits, axis=0)
-        differing += jnp.sum(count + bits * (n_individuals - 2 * count), axis=1).astype(jnp.float32)
-    return differing / (n_individuals * n_channels * words.shape[1])
+    for total in totals:  # one after the other: the order in which they are rounded
+        differing += total.astype(jnp.float32)
+    return differing / (n_individuals * n_channels * n_steps)
 
 
 # Entropy: how often each channel was in each of nine bins.
