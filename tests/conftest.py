@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import jax
 import pytest
+from filelock import FileLock
 
 from qboot.study.controls import cells, sweep
 from qboot.study.controls.conditions import WHATS
@@ -44,12 +45,32 @@ def tiny_settings(task="ball_collecting", source="A", seed=0, **changed):
 
 
 @pytest.fixture(scope="session")
-def tiny_run(tmp_path_factory):
+def made_once(tmp_path_factory):
+    """A function (name, make): a copy of the folder that `make(folder)` fills, once for all processes of the tests."""
+    here = tmp_path_factory.getbasetemp()
+    shared = here.parent if "PYTEST_XDIST_WORKER" in os.environ else here
+
+    def get(name, make):
+        folder, own = shared / name, tmp_path_factory.mktemp(name) / "copy"
+        with FileLock(shared / f"{name}.lock"):
+            if not folder.exists():
+                make(shared / f"{name}.begun")
+                (shared / f"{name}.begun").rename(folder)
+        return Path(shutil.copytree(folder, own))
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def tiny_run(made_once):
     """A finished run of ball collecting; not to be changed."""
-    run = runs.create(tmp_path_factory.mktemp("study") / "ball_collecting" / "A-0", tiny_settings())
-    for stage in STAGES:
-        stage.do(run)
-    return run
+
+    def make(study):
+        run = runs.create(study / "ball_collecting" / "A-0", tiny_settings())
+        for stage in STAGES:
+            stage.do(run)
+
+    return runs.load(made_once("tiny_run", make) / "ball_collecting" / "A-0")
 
 
 def record_all(run):
@@ -66,13 +87,15 @@ def begin_cells(folder, what, task="ball_collecting", **changed):
 
 
 @pytest.fixture(scope="session")
-def tiny_study(tiny_run, tmp_path_factory):
+def tiny_study(tiny_run, made_once):
     """A study with one run of ball collecting and its cells of all experiments; not to be changed."""
-    folder = tmp_path_factory.mktemp("ablations")
-    shutil.copytree(tiny_run.folder, folder / "ball_collecting" / "A-0")
-    with warnings.catch_warnings():
-        # Three tiny networks give few different segments.
-        warnings.filterwarnings("ignore", "only .* extracted actions are distinct")
-        for what in WHATS:
-            sweep.learn_cells(begin_cells(folder, what), workers=2)
-    return folder
+
+    def make(study):
+        shutil.copytree(tiny_run.folder, study / "ball_collecting" / "A-0")
+        with warnings.catch_warnings():
+            # Three tiny networks give few different segments.
+            warnings.filterwarnings("ignore", "only .* extracted actions are distinct")
+            for what in WHATS:
+                sweep.learn_cells(begin_cells(study, what), workers=2)
+
+    return made_once("tiny_study", make)
