@@ -69,8 +69,9 @@ class ActionSettings:
     """What becomes of longer ones: "cut" into parts of about equal length, "clip" to their first `max_duration` steps,
     or "drop"."""
 
-    restarts: int = 1
-    """Clusterings from different first centres, >= 1; the one with the smallest sum of distances is kept."""
+    restarts: int = 10
+    """Clusterings from different first centres, >= 1; the one with the smallest sum of distances is kept. Rare commands
+    are easily missed by one: where no action lets go of a ball, nothing can be learned."""
 
     max_iterations: int = 300
     """Updates of the centres at most, >= 1."""

@@ -24,7 +24,7 @@ DEFAULTS = Defaults(
     evolution=EvolutionSettings(reevaluate=True),  # it starts at random, so a score is partly luck
     dnn=DnnSettings(feed_forward=True),
     # The hand crosses its window of success in one or two steps, so the actions that matter are short.
-    actions=ActionSettings(n_actions=7, min_duration=1, max_duration=20, long_segments="clip", restarts=10),
+    actions=ActionSettings(n_actions=7, min_duration=1, max_duration=20, long_segments="clip"),
     n_actions=(3, 5, 7, 15, 30),  # the paper plots a range without saying which
     random_durations=(2, 20),
     usual_costs=Costs(START, 30.0, 12.0, 2.0e-6, 7e-6, 3e-6, 8e-11, 0.7, 0.55),

@@ -173,7 +173,7 @@ def _general(task: Task) -> Defaults:
         dnn=DnnSettings(
             n_inputs=len(task.sensors), n_outputs=len(task.effectors), max_connections=max(75, 2 * n_first)
         ),
-        actions=ActionSettings(n_actions=8, min_duration=1, max_duration=max(1, steps // 10), restarts=10),
+        actions=ActionSettings(n_actions=8, min_duration=1, max_duration=max(1, steps // 10)),
         n_actions=(4, 8, 16),
         random_durations=(1, max(2, steps // 20)),
     )
