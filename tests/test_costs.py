@@ -39,7 +39,7 @@ def test_evolution_costs_every_step_of_every_rollout(table):
     run = table[0].run
     steps = (2 + run.evolution.generations) * run.evolution.population * 2 * run.n_steps * RATES.lived_evolving
     # A distance is drawn anew after 50 of the 250 generations; each of the four has a program of its own.
-    assert costs.seconds_of(table[0], RATES) == {"evolve": pytest.approx(1 + 4 * 10 + steps * 1e-6)}
+    assert costs.seconds_of(table[0], RATES) == {"evolve": pytest.approx(1 + 4 * 10 + steps * 1e-6 * costs.GENERATION)}
 
 
 def test_learning_costs_steps_and_updates(table):

@@ -23,6 +23,8 @@ from qboot.study.store.settings import RunSettings
 # generation, and the share of all inputs that the automatic selection keeps.
 ANCESTORS_PER_GENERATION = 0.25
 SHARE_OF_INPUTS = 0.6
+# A generation, in evaluations of its children: with what diversity and selection take (docs/performance.md).
+GENERATION = 1.1
 # To play a step of the lineage again, cut it into segments and correlate it, in steps of evolution.
 EXTRACTION = 20.0
 
@@ -82,7 +84,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
         episodes = evolution.population * (2 + n * (2 if evolution.reevaluate else 1))
         programs = min(len(evolution.diversities), 1 + n // evolution.diversity_period)
         steps = episodes * n_rollouts * run.n_steps * costs.lived_evolving
-        return programs * costs.compile_evolution + steps * costs.rollout_step
+        return programs * costs.compile_evolution + steps * costs.rollout_step * GENERATION
 
     def episodes(n: int, n_rollouts: int) -> float:
         duration = (run.actions.min_duration + run.actions.max_duration) / 2
