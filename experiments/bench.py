@@ -110,8 +110,11 @@ def controllers(name: str, physics: str, batch: int, diversity: str = "hamming",
     domains = task.source_domains("A")
 
     parts = task, network, DISTANCES[diversity].recorder, domains
-    run = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
     arguments = random_genomes(batch, network), jax.random.split(jax.random.key(1), batch)
+
+    def run(genomes, keys):
+        return evaluation.evaluate_all(*parts, genomes, keys, workers=1)
+
     compile_seconds, seconds = timed(run, *arguments)
     steps = int(run(*arguments).steps.sum())
     return {
