@@ -2,11 +2,10 @@
 
     python experiments/lost_commands.py results/standard ball_collecting
 
-A side of an effector is the half of its range below or above the middle, as the Hamming distance sees it: for the crane
-of ball collecting, below lets go and above holds. The traces of each run are played again. Printed are, as a table in
-Markdown and for each side that a run uses in less than a tenth of its steps: in what share of the steps of the
-traces and of their segments the command is on that side, and in how many actions, at their first or last step; then
-the mean score of the last hundred episodes of Q-learning. What only a command on a lost side can do cannot be learned.
+The traces of each run are played again. Printed is a table in Markdown: for each side of an effector (above or below
+the middle of its range) that some run uses in less than a tenth of its steps, in what share of the steps of the traces
+and of their segments the command is there, and in how many actions; then the mean score of the last hundred episodes
+of Q-learning.
 """
 
 import argparse
@@ -16,53 +15,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.extraction.actions import ActionSet
-from qboot.extraction.segmentation import LONG_SEGMENTS, Segments
-from qboot.extraction.traces import Trace
+from qboot.extraction.lost_commands import MIDDLE, Use, on_side, uses
+from qboot.extraction.segmentation import LONG_SEGMENTS
 from qboot.study.pipeline.extracting import replayed, segments_of
 from qboot.study.store import runs
 from qboot.study.store.artifacts import read_actions, read_columns, task_of
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
-SIDES = ("below", "above")
-RARE = 0.1
+RARE = 0.1  # share of the steps
 
 
-class Use(NamedTuple):
-    """How often commands are on one side of one effector."""
+class Lost(NamedTuple):
+    """How often a run's commands are on one side of one effector."""
 
-    of_steps: float  # share
-    of_segments: float  # share
-    of_actions: int
-
-
-def on_side(linear: ActionSet | Segments, effector: int, side: str) -> np.ndarray:
-    """Which linear commands (n,) are on a side of an effector at their first or last step."""
-    first = np.asarray(linear.intercepts)[:, effector]
-    last = first + np.asarray(linear.slopes)[:, effector] * (np.asarray(linear.durations) - 1)
-    return np.minimum(first, last) < 0.5 if side == "below" else np.maximum(first, last) >= 0.5
+    use: Use
+    of_segments: float  # share of those that were clustered
 
 
-def uses(traces: list[Trace], segments: Segments, actions: ActionSet, effectors: tuple[str, ...]) -> dict[str, Use]:
-    """The use of each side of each effector, by a name for people."""
-    commands = np.concatenate([trace.commands for trace in traces])
-    return {
-        f"{effector} {side} 0.5": Use(
-            of_steps=float(((commands[:, i] < 0.5) == (side == "below")).mean()),
-            of_segments=float(on_side(segments, i, side).mean()),
-            of_actions=int(on_side(actions, i, side).sum()),
-        )
-        for i, effector in enumerate(effectors)
-        for side in SIDES
-    }
-
-
-def uses_of(run: Run[RunSettings]) -> dict[str, Use]:
-    """The same of a run, whose segments are those that were clustered."""
-    traces, settings = replayed(run, workers=1), run.settings.actions
+def uses_of(run: Run[RunSettings]) -> dict[tuple[str, str], Lost]:
+    """The use of each side of each effector in the traces, the segments and the actions of a run."""
+    traces, settings, effectors = replayed(run, workers=1), run.settings.actions, task_of(run).effectors
     segments = LONG_SEGMENTS[settings.long_segments](segments_of(run, traces), settings.max_duration)
-    return uses(traces, segments, read_actions(run), task_of(run).effectors)
+    found = uses(np.concatenate([trace.commands for trace in traces]), read_actions(run), effectors)
+    return {
+        (name, side): Lost(use, float(on_side(segments, effectors.index(name), side).mean()))
+        for (name, side), use in found.items()
+    }
 
 
 def main() -> int:
@@ -76,13 +55,17 @@ def main() -> int:
     if not learned:
         parser.error(f"{options.study} has no run of {options.task} that has learned")
     found = {run: uses_of(run) for run in learned}
-    least = {name: min(of_run[name].of_steps for of_run in found.values()) for name in found[learned[0]]}
+    least = {name: min(of_run[name].use.of_steps for of_run in found.values()) for name in found[learned[0]]}
     rare = [name for name, share in least.items() if share < RARE]
-    print("| run |", " | ".join(f"{name}: steps, segments, actions" for name in rare), "| QL mean of last 100 |")
+    print(
+        "| run |",
+        " | ".join(f"{name} {side} {MIDDLE:g}: steps, segments, actions" for name, side in rare),
+        "| QL mean of last 100 |",
+    )
     print("|---" * (len(rare) + 2) + "|")
     for run, of_run in found.items():
         shown = (of_run[name] for name in rare)
-        cells = [f"{use.of_steps:.2%}, {use.of_segments:.2%}, {use.of_actions}" for use in shown]
+        cells = [f"{each.use.of_steps:.2%}, {each.of_segments:.2%}, {each.use.of_actions}" for each in shown]
         scores = [float(score) for score in read_columns(run, "qlearning.csv")["score"][-100:]]
         print(f"| {run.folder.name} |", " | ".join(cells), f"| {np.mean(scores):.2f} |", flush=True)
     return 0

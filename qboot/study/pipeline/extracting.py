@@ -5,13 +5,14 @@ import warnings
 import numpy as np
 
 from qboot.extraction.actions import cluster_actions
+from qboot.extraction.lost_commands import lost
 from qboot.extraction.segmentation import LONG_SEGMENTS, Segments, segment
 from qboot.extraction.sensors import select
 from qboot.extraction.traces import Trace, traces
 from qboot.study.pipeline.evolving import source_problem
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files
-from qboot.study.store.artifacts import read_lineage
+from qboot.study.store.artifacts import read_lineage, task_of
 from qboot.study.store.files import RunError
 from qboot.study.store.output import Output
 from qboot.study.store.runs import Run
@@ -26,6 +27,8 @@ def extract_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     flow = replayed(run, workers)
     actions, report = cluster_actions(segments_of(run, flow), run.settings.actions, run.settings.seed)
+    if words := lost(np.concatenate([trace.commands for trace in flow]), actions, task_of(run).effectors):
+        warnings.warn(f"{run.folder}: no extracted action gives {words}: what needs it cannot be learned", stacklevel=2)
     output.write_npz("actions.npz", files.to_arrays(actions) | files.to_arrays(report))
     observed = at_decisions(run, flow) if run.settings.sensors.moments == "decisions" else flow
     selection = select(observed, run.settings.sensors)
