@@ -46,7 +46,7 @@ def test_learning_costs_steps_and_updates(table):
     job = table[2]
     run = job.run
     steps = 2 * run.n_steps * RATES.lived
-    duration = (run.actions.min_duration + run.actions.max_duration) / 2
+    duration = 8 + 92 / 8
     weights = run.actions.n_actions * (costs.SHARE_OF_INPUTS * 8 * 13) * run.learner.hidden
     # Each decision is an update, and each is replayed `eta` times once the store is full.
     updates = steps / duration * (1 + run.learner.eta)
@@ -76,10 +76,10 @@ def test_a_control_experiment_costs_as_many_episodes_as_its_learners(table):
 def test_a_learner_costs_by_its_own_actions_and_inputs(table):
     sensors = next(job for job in table if job.what == "sensors")
     weights = RATES._replace(start=0.0, compile_learning=0.0, acting_step=0.0, update=0.0)
-    # Of the 3 learners of each condition: 13 sensors now, 60 % of 104 twice, up to 156; what a human chose is at home
+    # Of the 3 learners of each condition: 13 sensors now, 80 % of 104 twice, up to 156; what a human chose is at home
     # in the other experiment. 17 actions of 15 steps each.
     updates = 2 * 4_000 * RATES.lived / 15 * 4
-    inputs = 13 + 2 * 0.6 * 104 + 156
+    inputs = 13 + 2 * 0.8 * 104 + 156
     expected = 3 * 80 * updates * 17 * inputs * 125 * RATES.weight
     assert costs.seconds_of(sensors, weights)["ablate"] == pytest.approx(expected)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from qboot.envs.registry import get_task
 from qboot.envs.task import Domain, Task
+from qboot.extraction.actions import ActionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.controls.conditions import LAGS, places
 from qboot.study.jobs import Job
@@ -20,9 +21,11 @@ from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defa
 from qboot.study.store.settings import RunSettings
 
 # What only an extraction tells, about as in the runs of docs/results.md: ancestors of the best-of-run for each
-# generation, and the share of all inputs that the automatic selection keeps.
+# generation, the share of all inputs that the automatic selection keeps, and how far from the shortest to the longest
+# duration that is allowed those of the actions lie that a policy chooses.
 ANCESTORS_PER_GENERATION = 0.25
-SHARE_OF_INPUTS = 0.6
+SHARE_OF_INPUTS = 0.8
+SHARE_OF_DURATIONS = 1 / 8
 # A generation, in evaluations of its children: with what diversity and selection take (docs/performance.md).
 GENERATION = 1.1
 # To play a step of the lineage again, cut it into segments and correlate it, in steps of evolution.
@@ -42,6 +45,11 @@ def of_usual(job: Job) -> dict[str, float]:
 def n_selected(task: Task, defaults: Defaults) -> float:
     """The number of inputs to expect from the automatic selection."""
     return SHARE_OF_INPUTS * defaults.sensors.lags * len(task.sensors)
+
+
+def extracted_duration(settings: ActionSettings) -> float:
+    """Steps of an extracted action to expect, in the mean over decisions."""
+    return settings.min_duration + SHARE_OF_DURATIONS * (settings.max_duration - settings.min_duration)
 
 
 def n_weights(n_actions: int, n_inputs: float, hidden: int) -> float:
@@ -87,8 +95,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
         return programs * costs.compile_evolution + steps * costs.rollout_step * GENERATION
 
     def episodes(n: int, n_rollouts: int) -> float:
-        duration = (run.actions.min_duration + run.actions.max_duration) / 2
-        sizes = run.actions.n_actions, n_selected(task, defaults), duration
+        sizes = run.actions.n_actions, n_selected(task, defaults), extracted_duration(run.actions)
         learning = _Learning(run.learner, task.rollouts_per_domain, n_rollouts, run.n_steps, *sizes)
         return costs.compile_learning + n * learning.seconds(costs)
 
@@ -125,10 +132,11 @@ def _control_learning(job: Job, condition: str) -> _Learning:
     """An episode of a condition, with as many actions and inputs as are to be expected."""
     task = get_task(job.task)
     defaults, expert, n_sensors = defaults_of(task), task.expert, len(task.sensors)
-    limits = defaults.actions.min_duration, defaults.actions.max_duration
-    extracted = {str(n): (n, limits) for n in (*defaults.n_actions, defaults.actions.n_actions)}
+    extracted = {
+        str(n): (n, [extracted_duration(defaults.actions)]) for n in (*defaults.n_actions, defaults.actions.n_actions)
+    }
     own = extracted[str(defaults.actions.n_actions)]
-    of_actions: dict[str, tuple[int, Sequence[int]]] = extracted | {
+    of_actions: dict[str, tuple[int, Sequence[float]]] = extracted | {
         "extracted": own,
         "random": (own[0], defaults.random_durations),
         "human": (len(expert.actions().durations), expert.actions().durations) if expert else own,
