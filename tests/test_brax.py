@@ -157,22 +157,23 @@ def test_braxs_ppo_trains(name):
     physics = {"physics": "kinematic"} if name == "qboot_box_pushing" else {}
     env = brax.envs.get_environment(name, domains="source", action_range=(-1.0, 1.0), **physics)
     seen = []
-    make_policy, parameters, _ = train.train(
-        env,
-        num_timesteps=4096,
-        episode_length=64,
-        num_envs=16,
-        num_eval_envs=16,
-        num_evals=2,
-        batch_size=16,
-        num_minibatches=4,
-        unroll_length=16,
-        num_updates_per_batch=2,
-        network_factory=lambda *sizes, **options: networks.make_ppo_networks(
-            *sizes, policy_hidden_layer_sizes=(16,), value_hidden_layer_sizes=(16,), **options
-        ),
-        progress_fn=lambda steps, metrics: seen.append((steps, metrics["eval/episode_reward"])),
-    )
+    with jax.numpy_dtype_promotion("standard"):  # Brax's learner mixes kinds of numbers
+        make_policy, parameters, _ = train.train(
+            env,
+            num_timesteps=4096,
+            episode_length=64,
+            num_envs=16,
+            num_eval_envs=16,
+            num_evals=2,
+            batch_size=16,
+            num_minibatches=4,
+            unroll_length=16,
+            num_updates_per_batch=2,
+            network_factory=lambda *sizes, **options: networks.make_ppo_networks(
+                *sizes, policy_hidden_layer_sizes=(16,), value_hidden_layer_sizes=(16,), **options
+            ),
+            progress_fn=lambda steps, metrics: seen.append((steps, metrics["eval/episode_reward"])),
+        )
     assert seen[-1][0] >= 4096 and np.isfinite([reward for _, reward in seen]).all()
     action, _ = make_policy(parameters)(env.reset(jax.random.key(0)).obs, jax.random.key(1))
     assert action.shape == (3,) and np.isfinite(action).all()
