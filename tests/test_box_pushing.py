@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from experiments import agreement, parity
-from qboot.envs.box_pushing import BoxPushing, arm, on_physics, physics_kinematic, physics_mjx
+from qboot.envs import BoxPushing
+from qboot.envs.box_pushing import arm, on_physics, physics_kinematic, physics_mjx
 from qboot.envs.box_pushing import domains as blocks
 from qboot.envs.box_pushing import dynamics as box_pushing
 from qboot.neuroevolution.dnn import DnnSettings, Genome

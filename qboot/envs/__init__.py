@@ -7,8 +7,8 @@ from qboot.envs.registry import get_task, names, register
 from qboot.envs.task import Domain, Expert, Task, TaskState, View
 
 if TYPE_CHECKING:
-    from qboot.envs.ball_collecting import BallCollecting
-    from qboot.envs.box_pushing import BoxPushing
+    from qboot.envs.ball_collecting.environment import BallCollecting
+    from qboot.envs.box_pushing.environment import BoxPushing
     from qboot.envs.brax_env import TaskEnv
     from qboot.envs.brax_task import from_brax
     from qboot.envs.gymnasium_env import GymnasiumEnv
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 # A task's folder knows the rooms that use tasks, and the rest loads Brax or Gymnasium: imported when asked for.
 _LATER = {
-    "BallCollecting": "qboot.envs.ball_collecting",
-    "BoxPushing": "qboot.envs.box_pushing",
+    "BallCollecting": "qboot.envs.ball_collecting.environment",
+    "BoxPushing": "qboot.envs.box_pushing.environment",
     "GymnasiumEnv": "qboot.envs.gymnasium_env",
     "TaskEnv": "qboot.envs.brax_env",
     "estimated_range": "qboot.envs.sensor_range",

@@ -22,14 +22,14 @@ def register_when_imported() -> None:
 
 def ball_collecting(**settings: Any) -> Any:
     """`qboot.envs.BallCollecting` with its arguments."""
-    from qboot.envs.ball_collecting import BallCollecting
+    from qboot.envs.ball_collecting.environment import BallCollecting
 
     return BallCollecting(**settings)
 
 
 def box_pushing(**settings: Any) -> Any:
     """`qboot.envs.BoxPushing` with its arguments."""
-    from qboot.envs.box_pushing import BoxPushing
+    from qboot.envs.box_pushing.environment import BoxPushing
 
     return BoxPushing(**settings)
 
