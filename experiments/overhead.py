@@ -3,9 +3,9 @@
     python experiments/overhead.py BEFORE [AFTER] --repeats 5
 
 Each measurement is a command in a process of its own, and its seconds are those of all cores (user and system), so
-that others may use the machine. A generation is the difference of two evolutions, an episode that of two learners,
-each over what their robots lived, for the two checkouts need not draw the same random numbers. Compiled programs are
-kept in a folder for the time of the measurement, and made before it begins.
+that others may use the machine. A generation is the difference of two evolutions, an episode that of two learners, the
+one over steps lived, the other over decisions, for the two checkouts need not draw the same random numbers. Compiled
+programs are kept in a folder for the time of the measurement, and made before it begins.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from pathlib import Path
 from statistics import median
 
 FEW, MANY = 5, 45  # generations
-SHORT, LONG = 1, 61  # episodes
+SHORT, LONG = 1, 301  # episodes
 SETTINGS = ["--task", "ball_collecting", "--profile", "smoke", "--n-steps", "1000", "--evolution.population", "32"]
 # Lived by all: rollouts of an episode times steps, in the unit that costs are given for.
 STEPS_OF_GENERATION = 32 * 1000.0
@@ -55,7 +55,7 @@ def extracted(code: Path, programs: Path, scratch: Path) -> dict[int, Path]:
 
 def measure(code: Path, programs: Path, templates: dict[int, Path], scratch: Path) -> dict[str, float]:
     """Costs of one checkout, measured once."""
-    evolved, lived, learned, steps = {}, {}, {}, {}
+    evolved, lived, learned, decisions = {}, {}, {}, {}
     for generations in (FEW, MANY):
         run = scratch / f"evolved-{generations}"
         begin = [*SETTINGS, "--evolution.generations", str(generations), "--out", str(run)]
@@ -66,14 +66,14 @@ def measure(code: Path, programs: Path, templates: dict[int, Path], scratch: Pat
         run = scratch / f"learned-{episodes}"
         shutil.copytree(templates[episodes], run)
         learned[episodes] = cpu_seconds(code, programs, "learn", "--out", str(run))
-        steps[episodes] = sum(column(run / "qlearning.csv", "steps"))
+        decisions[episodes] = sum(column(run / "qlearning.csv", "decisions"))
     return {
         "generation, ms": 1e3 * (evolved[MANY] - evolved[FEW]) / (MANY - FEW),
         "generation, ns a step lived": 1e9
         * (evolved[MANY] - evolved[FEW])
         / ((lived[MANY] - lived[FEW]) * STEPS_OF_GENERATION),
         "episode, ms": 1e3 * (learned[LONG] - learned[SHORT]) / (LONG - SHORT),
-        "episode, ns a step lived": 1e9 * (learned[LONG] - learned[SHORT]) / (steps[LONG] - steps[SHORT]),
+        "episode, us a decision": 1e6 * (learned[LONG] - learned[SHORT]) / (decisions[LONG] - decisions[SHORT]),
         "learn with one episode, s": learned[SHORT],
         "a stage that is done, s": finished,
     }
