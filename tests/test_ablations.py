@@ -146,6 +146,17 @@ def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch)
     assert digests(copied) == before
 
 
+def test_what_a_killed_process_left_in_a_cell_is_removed(tiny_study, tmp_path):
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study, copied)
+    before = digests(copied)
+    nobody = 999_999_999  # no process has this number
+    for name in ("random/0", "extracted/1"):
+        (copied / "ablations" / "ball_collecting" / "actions" / name / f".qlearning.csv.{nobody}.part").touch()
+    sweep.learn_cells(begin_cells(copied, "actions"), workers=1)
+    assert digests(copied) == before
+
+
 def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tiny_run):
     copied = tmp_path / "study"
     shutil.copytree(tiny_study, copied)

@@ -78,6 +78,7 @@ def learn_cells(cells: Cells, workers: int) -> None:
 
 def _learn_cells(cells: Cells, workers: int) -> None:
     for cell, evolved in cells.items():
+        files.remove_parts(cell.folder)  # who owns the experiment owns its cells
         folders.equip(cell, evolved)
     shapes = shapes_of(list(cells))
     pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
