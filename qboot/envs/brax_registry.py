@@ -1,4 +1,8 @@
-"""The tasks of the paper in Brax's registry of environments, without loading Brax before somebody does, and quietly."""
+"""The tasks of the paper in Brax's registry of environments, without loading Brax before somebody does, and quietly.
+
+Brax loads MJX, and so does the arm: either tells on stdout what optional packages it lacks, and stdout belongs to the
+programs.
+"""
 
 import contextlib
 import importlib.abc
@@ -9,6 +13,7 @@ from types import ModuleType
 from typing import Any
 
 ENVIRONMENTS = "brax.envs"
+TALKATIVE = ("brax", ENVIRONMENTS, "mujoco.mjx")
 
 
 def register_when_imported() -> None:
@@ -40,13 +45,13 @@ def _register(brax_envs: ModuleType) -> None:
 
 
 class _AfterImport(importlib.abc.MetaPathFinder):
-    """Waits for the imports of `brax` and `brax.envs`, lets the usual finders do them, and registers afterwards."""
+    """Waits for the imports of Brax and MJX, lets the usual finders do them, quietly, and registers afterwards."""
 
     def __init__(self):
         self.is_busy = False
 
     def find_spec(self, fullname, path, target=None):
-        if self.is_busy or fullname not in ("brax", ENVIRONMENTS):
+        if self.is_busy or fullname not in TALKATIVE:
             return None
         self.is_busy = True  # the search below comes by here again
         try:
@@ -58,7 +63,6 @@ class _AfterImport(importlib.abc.MetaPathFinder):
         execute = spec.loader.exec_module
 
         def execute_and_register(module: ModuleType) -> None:
-            # Brax loads MJX, which tells on stdout what optional packages it lacks. Stdout belongs to the programs.
             with contextlib.redirect_stdout(io.StringIO()):
                 execute(module)
             if fullname == ENVIRONMENTS:

@@ -190,13 +190,12 @@ def _sum_pairs(traces: Iterable[tuple[np.ndarray, np.ndarray]], lags: int) -> Su
         raise ValueError(f"lags must be at least 1, got {lags}.")
     products: np.ndarray = np.zeros(())
     n_traces, n_rows, n_sensors, n_targets = 0, 0, None, 0
-    for some, those in traces:
-        trace = np.asarray(those, np.float64)
-        targets = trace if some is those else np.asarray(some, np.float64)  # often the same, and long
+    for targets, trace in traces:
+        targets, trace = np.asarray(targets, np.float64), np.asarray(trace, np.float64)
         n_sensors, n_targets = n_sensors or trace.shape[-1], targets.shape[-1]
         if trace.ndim != 2 or trace.shape[1] != n_sensors:
             raise ValueError(f"observations must be (steps, {n_sensors} sensors) in all traces, got {trace.shape}.")
-        if not np.isfinite(trace).all() or not (targets is trace or np.isfinite(targets).all()):
+        if not np.isfinite(trace).all() or not np.isfinite(targets).all():
             raise ValueError("observations must be finite: a trace holds NaN or infinite values.")
         if len(trace) <= lags:
             continue

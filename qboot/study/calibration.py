@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -31,11 +31,9 @@ def measure(task: Task, n_steps: int) -> Costs:
     # A block of the first generation, as evolution evaluates it.
     keys, recorder = jax.random.split(jax.random.key(0), evaluation.BLOCK), DISTANCES["hamming"].recorder
     genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(keys, defaults.dnn)
-    network = replace(defaults.dnn, max_hidden=dnn.least_room(genomes, defaults.dnn))
-    genomes = dnn.cropped(genomes, network)
-    evaluate = jax.jit(lambda *some: evaluation.evaluate(task, network, recorder, domains, *some).steps)
-    compile_evolution, block = _timed(lambda: evaluate(genomes, keys))
-    lived = int(evaluate(genomes, keys).sum())
+    evaluate = partial(evaluation.evaluate_all, task, defaults.dnn, recorder, domains, genomes, keys, workers=1)
+    compile_evolution, block = _timed(evaluate)
+    lived = int(evaluate().steps.sum())
     # An episode with random actions, of which nothing is replayed.
     small = _problem(task, defaults.actions.n_actions, round(n_selected(task, defaults)))
     state = qlearning.init(jax.random.key(0), small)

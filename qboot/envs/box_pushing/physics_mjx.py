@@ -5,21 +5,16 @@ are kept, which makes rollouts small and cheap to drop: the sliders keep no velo
 the first contact, which ends the rollout.
 """
 
-import contextlib
 import functools
-import io
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import mujoco
+from mujoco import mjx
 
 from qboot.envs.box_pushing import arm
 from qboot.envs.box_pushing.domains import Block
-
-# MJX tells on stdout what optional packages it lacks. Stdout belongs to the programs.
-with contextlib.redirect_stdout(io.StringIO()):
-    from mujoco import mjx
 
 MODEL_FILE = Path(__file__).with_name("model.xml")
 

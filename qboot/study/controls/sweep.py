@@ -78,11 +78,11 @@ def learn_cells(cells: Cells, workers: int) -> None:
 
 def _learn_cells(cells: Cells, workers: int) -> None:
     for cell, evolved in cells.items():
-        files.remove_parts(cell.folder)  # who owns the experiment owns its cells
         folders.equip(cell, evolved)
     shapes = shapes_of(list(cells))
     pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
     for cell in pending:
+        files.remove_parts(cell.folder)  # who owns the experiment owns its cells
         provenance.set_aside_faulty(cell, LEARN_CELL)
     started = {cell: _begin(cell, shapes[cell]) for cell in pending}
     done = {cell: cell.settings.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
