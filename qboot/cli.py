@@ -159,6 +159,9 @@ def _stage(options: argparse.Namespace, rest: list[str]) -> None:
     if options.help:
         _show_help(options)
         return
+    from qboot.study.store import programs
+
+    programs.write_whole()
     workers = getattr(options, "workers", 1)
     _check_workers(workers)
     stage(options.command).do(_run(options, rest), workers)
@@ -214,7 +217,9 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.controls import cells, sweep
     from qboot.study.controls.conditions import WHATS
     from qboot.study.pipeline import profiles
+    from qboot.study.store import programs
 
+    programs.write_whole()
     _check_workers(options.workers)
     study = options.out or Path("results") / options.profile
     for what in options.what or WHATS:
@@ -261,6 +266,7 @@ def _publish(options: argparse.Namespace, rest: list[str]) -> None:
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
     from qboot.study.report import page
+    from qboot.study.store import programs
 
     out = options.out or Path("results") / options.profile
     if options.dry_run:
@@ -269,7 +275,7 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
         for line in dry_run.lines(options.profile, options.task, out, options.physics):
             print(line)
         return
-    runner.share_compiled_programs(out)
+    programs.share(out)
     runner.reproduce(options.profile, options.task, out, options.jobs, options.physics)
     print(page.write(out))
 

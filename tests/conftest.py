@@ -22,8 +22,11 @@ from qboot.study.controls import cells, sweep
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES
-from qboot.study.store import files, provenance, runs
+from qboot.study.store import files, programs, provenance, runs
 from qboot.study.store.settings import CellSettings
+
+# Workers of the tests, and what they start, read each other's programs.
+programs.write_whole()
 
 OF_EVOSAX = ("cma_es", "open_es", "snes")
 

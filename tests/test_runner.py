@@ -16,6 +16,7 @@ from qboot.study import processes, runner
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline.progress import STATUS_VARIABLE
 from qboot.study.runner import Job
+from qboot.study.store import programs
 from qboot.study.store.files import RunError
 
 
@@ -123,7 +124,7 @@ def test_a_study_whose_jobs_cannot_be_judged_ends_with_one_line(tmp_path, monkey
 
     monkeypatch.setattr(runner, "_is_extracted", is_extracted)
     monkeypatch.setattr(processes, "run", run)
-    monkeypatch.setattr(runner, "share_compiled_programs", lambda out: None)
+    monkeypatch.setattr(programs, "share", lambda out: None)
     out = tmp_path / "study"
     command = ["reproduce", "--task", "ball_collecting", "--profile", "smoke", "--out", str(out), "--jobs", "2"]
     assert cli.main(command) == 2

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import jax
 from tqdm import tqdm
 
 from qboot.study import costs, processes
@@ -109,14 +108,6 @@ def _scratch(out: Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def share_compiled_programs(out: Path) -> None:
-    """Keep what this process and those that it starts compile in the folder of the study, unless told otherwise."""
-    folder = os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(out.resolve() / ".jax_cache"))
-    seconds = os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    jax.config.update("jax_compilation_cache_dir", folder)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", float(seconds))
 
 
 def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
