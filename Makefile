@@ -21,14 +21,14 @@ reproduce: $(VENV)/installed
 	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) $(if $(PHYSICS),--physics $(PHYSICS)) --out $(OUT)
 
 test: $(VENV)/installed
-	$(BIN)/pytest -n 2 --dist loadfile
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
 
 # Lines of qboot/ that the tests run.
 coverage: $(VENV)/installed
-	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --cov --cov-report=term:skip-covered
 
 bench: $(VENV)/installed
 	$(BIN)/python experiments/bench.py

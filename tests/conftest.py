@@ -36,6 +36,12 @@ def promotion_for(name):
     return jax.numpy_dtype_promotion("standard" if name in OF_EVOSAX else "strict")
 
 
+def pytest_collection_modifyitems(items):
+    """Files that read the tiny study come last, but for one that makes it first: two processes would wait for it."""
+    readers = [item.path for item in items if {"tiny_run", "tiny_study"} & set(item.fixturenames)]
+    items.sort(key=lambda item: -1 if readers and item.path == readers[0] else item.path in readers)
+
+
 TINY_SWEEP = {"n_runs": 2, "n_episodes": 3, "lanes": 4}
 
 

@@ -262,8 +262,10 @@ def test_both_physics_agree(n_tests):
     assert succeeded > 0.1 and ended - succeeded > 0.1  # both outcomes are well represented
 
 
-@pytest.mark.parametrize("evolved_in", PHYSICS)
-@pytest.mark.parametrize("n_seeds", [1, pytest.param(12, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("evolved_in", "n_seeds"),
+    [("kinematic", 1), *(pytest.param(physics, 12, marks=pytest.mark.slow) for physics in PHYSICS)],
+)
 def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
     """Every twelfth network of three lineages of 400 generations: more than 10,000 tests in the slow cases together."""
     with np.load(DATA / "evolved_arms.npz") as arrays:

@@ -32,7 +32,7 @@ def test_an_example_goes_from_sensors_to_a_report(name, tmp_path, capsys):
     assert main(["evolve", "--task", task, "--profile", "smoke", "--out", str(run), *TINY]) == 0
     for stage in ("extract", "learn", "transfer", "replay"):
         assert main([stage, "--out", str(run)]) == 0
-    assert main(["ablate", "--task", task, "--what", "sensors", "--profile", "smoke", "--runs", "1", "--episodes", "2",
+    assert main(["ablate", "--task", task, "--what", "actions", "--profile", "smoke", "--runs", "1", "--episodes", "2",
                  "--out", str(tmp_path)]) == 0  # fmt: skip
     assert main(["report", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "report.html").read_text()

@@ -75,6 +75,7 @@ def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys
     assert "there is no file my_robot.py" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:only . of the . extracted actions are distinct")
 def test_forty_sensors_and_fractions_of_a_reward(monkeypatch, tmp_path):
     def observed(state):
