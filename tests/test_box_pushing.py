@@ -185,7 +185,7 @@ def test_outcome_is_the_distance_travelled():
     np.testing.assert_allclose(task.outcome(SMALL, state), [0.05, 0, 0, 0, 0, 0], atol=1e-6)
 
 
-@pytest.mark.parametrize("physics", PHYSICS)
+@pytest.mark.parametrize("physics", ["kinematic", pytest.param("mjx", marks=pytest.mark.slow)])
 def test_brax_environment(physics):
     env = BoxPushing(size=1, physics=physics)
     assert (env.observation_size, env.action_size, env.backend) == (13, 3, physics)

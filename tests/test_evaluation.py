@@ -132,7 +132,9 @@ def networks_of_all_sizes(settings):
     return jax.device_get(genomes)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(
+    "name", ["corridor", *(pytest.param(name, marks=pytest.mark.slow) for name in ROBOTS if name != "corridor")]
+)
 def test_room_for_hidden_neurons_changes_rounding_alone(name):
     task = ROBOTS[name]
     settings = DnnSettings(n_inputs=len(task.sensors), n_outputs=len(task.effectors))

@@ -182,17 +182,16 @@ def test_blocks_do_not_change_results():
     )
 
 
-def test_the_evaluation_loop_is_one_kernel():
+@pytest.mark.parametrize(
+    "name", ["adhoc", *(pytest.param(name, marks=pytest.mark.slow) for name in DISTANCES if name != "adhoc")]
+)
+def test_the_evaluation_loop_is_one_kernel(name):
     """XLA compiles the loop into one call; without that, a simulation is about twice as slow."""
     genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 4), DnnSettings())
     keys = jax.random.split(jax.random.key(1), 4)
-    for distance in DISTANCES.values():
-        function = jax.jit(
-            lambda g, k, r=distance.recorder: evaluation.evaluate(
-                TASK, DnnSettings(), r, TASK.source_domains("A"), g, k
-            )
-        )
-        assert "xla_cpu_small_call" in function.lower(genomes, keys).compile().as_text()
+    parts = TASK, DnnSettings(), DISTANCES[name].recorder, TASK.source_domains("A")
+    program = evaluation.evaluate.lower(*parts, genomes, keys).compile().as_text()
+    assert "xla_cpu_small_call" in program
 
 
 @pytest.mark.parametrize(

@@ -272,6 +272,7 @@ def test_recordings_are_what_was_scored(tiny_run):
         np.testing.assert_array_equal(recording.states.posture.x[0], recording.domain.start[0])
 
 
+@pytest.mark.slow
 def test_any_rollout_is_played_from_one_start_by_both(tmp_path):
     """On the arm, whose rollouts start at random, several in each domain."""
     settings = tiny_settings("box_pushing", physics="kinematic", n_steps=40, episodes=1)
