@@ -15,7 +15,7 @@ from qboot.neuroevolution.algorithms import ALGORITHMS
 from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
-from qboot.neuroevolution.problem import Problem, evaluation_keys
+from qboot.neuroevolution.problem import Problem, evaluate_individuals, evaluation_keys
 from qboot.neuroevolution.recorders import FLOW
 from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.neuroevolution.variation import MutationRates
@@ -61,7 +61,7 @@ def test_of_equals_the_older_or_the_newborn_survive(monkeypatch, newborn_first, 
     monkeypatch.setattr(evolve, "DISTANCES", dict.fromkeys(SETTINGS.diversities, alike))
     settings = replace(SETTINGS, population=3, newborn_first=newborn_first)
     ids, none = np.arange(4), np.full(4, NO_PARENT)
-    everyone = Individuals(np.zeros((4, 1)), ids, none, np.zeros(4, np.int32), np.zeros(4, np.float32))
+    everyone = Individuals(np.zeros((4, 1)), ids, none, np.zeros(4, np.int32), np.zeros(4), np.full(4, 4))
     state = evolve.EvolveState(0, everyone, None, None, None, everyone.take(slice(0, 0)), 4, 4)
     state = evolve._survive(problem(settings=settings), state, everyone, np.arange(4))
     assert sorted(state.population.ids) == expected
@@ -86,9 +86,8 @@ def test_the_archive_keeps_ancestors_and_nothing_else():
         np.asarray,
         jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 6), DnnSettings()),
     )
-    archive = Individuals(
-        genomes, np.arange(6) * 10, np.where(parents < 0, parents, parents * 10), np.zeros(6), np.zeros(6)
-    )
+    parents, nothing = np.where(parents < 0, parents, parents * 10), np.zeros(6)
+    archive = Individuals(genomes, np.arange(6) * 10, parents, nothing, nothing, nothing)
     np.testing.assert_array_equal(ancestors(archive, np.array([50])), [True, False, True, False, False, True])
     with pytest.raises(ValueError, match="individual 7"):
         lineage(archive, 7, 5)
@@ -242,3 +241,22 @@ def assert_it_resumes_and_replays(name):
     flow, scores = traces(run_problem, line)
     np.testing.assert_array_equal(scores, line.scores)
     assert len(flow) == 2 * len(line.ids)
+
+
+def test_a_lineage_is_played_again_in_the_rooms_of_its_births():
+    """To the bit what each network does alone in its room, in the order of the lineage."""
+    run_problem = problem()
+    state, _ = run(run_problem, 2)
+    line = state.population._replace(rooms=np.array([4, 20, 4, 8, 20, 20]))
+    flow, scores = traces(run_problem, line)
+    for policy in range(6):
+        one = line.take(slice(policy, policy + 1))
+        alone = evaluation_of(run_problem, one, int(line.rooms[policy]))
+        assert scores[policy] == alone.scores.sum()
+        for rollout, length in enumerate(alone.steps[0]):
+            expected = jax.tree.map(lambda leaf, r=rollout, n=length: leaf[0, r, :n], alone.descriptors)
+            assert_same(tuple(flow[2 * policy + rollout]), expected)
+
+
+def evaluation_of(problem, individuals, room):
+    return evaluate_individuals(problem, FLOW, individuals, individuals.births, room)

@@ -1,13 +1,12 @@
 """Learning traces: the sensori-motor flow of a lineage, recomputed from its genomes (paper, section IV-A)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import chex
 import jax
 import numpy as np
 
-from qboot.neuroevolution.dnn import least_room
 from qboot.neuroevolution.evaluation import BLOCK
 from qboot.neuroevolution.lineage import Individuals
 from qboot.neuroevolution.problem import Problem, evaluate_individuals
@@ -24,7 +23,7 @@ class Trace(NamedTuple):
 def traces(
     problem: Problem, lineage: Individuals, progress: Callable[[int], None] = lambda done: None
 ) -> tuple[list[Trace], np.ndarray]:
-    """Run every policy of a lineage again, from the starts that it was evaluated with at its birth.
+    """Run every policy of a lineage again, from the starts and in the room that it was evaluated with at its birth.
 
     Args:
         problem: of the evolutionary run.
@@ -39,16 +38,25 @@ def traces(
     """
     chex.assert_rank(lineage.ids, 1)
     chex.assert_tree_shape_prefix(lineage, lineage.ids.shape)
-    found, scores = [], []
-    room = least_room(lineage.genomes, problem.dnn)  # one compiled program for all
-    for start in range(0, len(lineage.ids), BLOCK):
-        some = lineage.take(slice(start, start + BLOCK))
+    found: dict[int, list[Trace]] = {}
+    scores = np.zeros(len(lineage.ids), np.float32)
+    for room, block in _blocks(lineage.rooms):
+        some = lineage.take(np.resize(block, min(BLOCK, len(lineage.ids))))  # one compiled program for each room
         flow = evaluate_individuals(problem, FLOW, some, some.births, room)
         observations, commands = flow.descriptors
-        for policy, steps in enumerate(flow.steps):
-            for rollout, length in enumerate(steps):
-                cut = Trace(observations[policy, rollout, :length], commands[policy, rollout, :length])
-                found.append(jax.tree.map(np.copy, cut))
-        scores.append(flow.scores.sum(axis=1))
-        progress(start + len(some.ids))
-    return found, np.concatenate(scores)
+        for row, policy in enumerate(block):
+            found[policy] = [
+                jax.tree.map(np.copy, Trace(observations[row, rollout, :length], commands[row, rollout, :length]))
+                for rollout, length in enumerate(flow.steps[row])
+            ]
+        scores[block] = flow.scores[: len(block)].sum(axis=1)
+        progress(len(found))
+    return [trace for policy in sorted(found) for trace in found[policy]], scores
+
+
+def _blocks(rooms: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Policies of one room, BLOCK at most at a time, of `rooms` (n,)."""
+    for room in np.unique(rooms):
+        policies = np.flatnonzero(rooms == room)
+        for start in range(0, len(policies), BLOCK):
+            yield int(room), policies[start : start + BLOCK]

@@ -156,7 +156,8 @@ def _survive(problem: Problem, state: EvolveState, everyone: Individuals, behavi
 
 def _unborn(genomes: Genome, ids: np.ndarray, parents: np.ndarray, generation: int) -> Individuals:
     """Individuals that nothing is known of yet."""
-    return Individuals(genomes, ids, parents, np.full(len(ids), generation, np.int32), np.zeros(len(ids), np.float32))
+    births, rooms = np.full(len(ids), generation, np.int32), np.zeros(len(ids), np.int32)
+    return Individuals(genomes, ids, parents, births, np.zeros(len(ids), np.float32), rooms)
 
 
 def _evaluated(
@@ -164,7 +165,8 @@ def _evaluated(
 ) -> tuple[Individuals, np.ndarray, float]:
     result = _evaluate(problem, some, generation, room)
     lived = float(result.steps.mean() / problem.task.max_steps)
-    return some._replace(scores=np.asarray(result.scores).sum(axis=1)), result.descriptors, lived
+    scores, rooms = np.asarray(result.scores).sum(axis=1), np.full_like(some.rooms, room)
+    return some._replace(scores=scores, rooms=rooms), result.descriptors, lived
 
 
 def _evaluate(problem: Problem, some: Individuals, generation: int, room: int) -> Evaluation:

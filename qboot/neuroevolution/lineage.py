@@ -18,6 +18,7 @@ class Individuals(NamedTuple):
     parents: np.ndarray  # (P,) int64 ids, NO_PARENT in the first generation
     births: np.ndarray  # (P,) int32 generation of birth
     scores: np.ndarray  # (P,) float32
+    rooms: np.ndarray  # (P,) int32 room for hidden neurons that the scores come from: another rounds otherwise
 
     def take(self, index: np.ndarray | slice) -> "Individuals":
         """The individuals at `index`."""

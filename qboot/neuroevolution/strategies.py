@@ -198,7 +198,6 @@ def _individuals(topology: Genome, parameters: np.ndarray, settings: DnnSettings
     weights, biases = np.zeros_like(genomes.weights), np.zeros_like(genomes.biases)
     weights[:, topology.connected] = values[:, :n_weights]
     biases[:, _neurons(topology)] = values[:, n_weights:]
-    ids = np.zeros(n, np.int64)
-    return Individuals(
-        genomes._replace(weights=weights, biases=biases), ids, ids, np.zeros(n, np.int32), np.zeros(n, np.float32)
-    )
+    genomes, ids = genomes._replace(weights=weights, biases=biases), np.zeros(n, np.int64)
+    rooms = np.full(n, dnn.least_room(genomes, settings), np.int32)
+    return Individuals(genomes, ids, ids, np.zeros(n, np.int32), np.zeros(n, np.float32), rooms)

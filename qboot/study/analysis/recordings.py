@@ -29,7 +29,7 @@ def evolved(run: Run[RunSettings]) -> list[Recording]:
     """The best-of-run network in each rollout of an episode on the source set, as it was evaluated at its birth."""
     problem = source_problem(run, workers=1)
     best = read_lineage(run).take(slice(-1, None))
-    found = evaluate_individuals(problem, STATES, best, best.births)
+    found = evaluate_individuals(problem, STATES, best, best.births, int(best.rooms[0]))
     states, finals = found.descriptors
     domains, n_rollouts = evaluation.rollouts_of(problem.task, problem.domains)
     return [

@@ -13,7 +13,8 @@ from qboot.neuroevolution.lineage import Individuals
 from qboot.qlearning.inputs import InputSet, input_set
 from qboot.qlearning.problem import Problem, networks_template
 from qboot.study.store import files, provenance
-from qboot.study.store.runs import AnyRun
+from qboot.study.store.runs import AnyRun, Run
+from qboot.study.store.settings import RunSettings
 
 
 def task_of(run: AnyRun) -> Task:
@@ -38,12 +39,14 @@ def read_columns(run: AnyRun, name: str) -> dict[str, list[str]]:
     return files.read_csv(run.file(name))
 
 
-def read_individuals(run: AnyRun, name: str) -> Individuals:
-    """Individuals saved by a stage."""
-    return files.from_arrays(read_arrays(run, name), Individuals, run.file(name))
+def read_individuals(run: Run[RunSettings], name: str) -> Individuals:
+    """Individuals saved by a stage; they had all the room for hidden neurons where a file of 0.2.dev0 does not tell."""
+    arrays = read_arrays(run, name)
+    all_room = np.full(len(arrays.get("ids", ())), run.settings.dnn.max_hidden, np.int32)
+    return files.from_arrays({"rooms": all_room} | arrays, Individuals, run.file(name))
 
 
-def read_lineage(run: AnyRun) -> Individuals:
+def read_lineage(run: Run[RunSettings]) -> Individuals:
     """The lineage of the best-of-run, oldest first."""
     return read_individuals(run, "lineage.npz")
 
