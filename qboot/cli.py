@@ -1,6 +1,7 @@
 """The command line: `qboot STAGE --task T --profile P --source S --seed N --out DIR`."""
 
 import argparse
+import contextlib
 import os
 import sys
 from collections.abc import Callable
@@ -66,7 +67,7 @@ def _outcome(arguments: list[str] | None) -> int:
             raise ValueError(f"unknown arguments {' '.join(rest)}: see `qboot {options.command} --help`")
         run_interruptible(lambda: options.run(options, rest))
     except KeyboardInterrupt as error:
-        print("\nqboot: interrupted; the same command goes on from the last save", file=sys.stderr)
+        _say("\nqboot: interrupted; the same command goes on from the last save")
         return getattr(error, "exit_code", 130)
     except BrokenPipeError:  # qboot evolve --help | head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it once more at the end
@@ -74,9 +75,15 @@ def _outcome(arguments: list[str] | None) -> int:
     except Exception as error:
         if not (words := _in_words(error)):
             raise
-        print(f"qboot: {words}", file=sys.stderr)
+        _say(f"qboot: {words}")
         return 2
     return 0
+
+
+def _say(words: str) -> None:
+    """A line to the user, if there is one still: whoever started this process may be gone, and it ends all the same."""
+    with contextlib.suppress(OSError):
+        print(words, file=sys.stderr)
 
 
 def _in_words(error: Exception) -> str:

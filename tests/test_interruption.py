@@ -115,6 +115,30 @@ def test_a_process_stops_when_the_one_that_started_it_is_killed():
 
 
 @posix
+def test_a_process_ends_at_once_when_nobody_hears_its_last_words():
+    """As when the process that reads them was killed, while a thread that Python would wait for computes."""
+    code = (
+        "import sys, time\n"
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "from qboot import cli\n"
+        "def work(options, rest):\n"
+        "    with ThreadPoolExecutor(1) as pool:\n"
+        "        print('at work', flush=True)\n"
+        "        pool.submit(time.sleep, 60).result()\n"
+        "cli._report = work\n"
+        "sys.argv = ['qboot', 'report', '--out', 'nowhere']\n"
+        "sys.exit(cli.main())\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline() == "at work\n"
+    process.stderr.close()
+    process.terminate()
+    assert process.wait(20) == 143
+    process.stdout.close()
+
+
+@posix
 def test_processes_are_stopped_together(monkeypatch):
     monkeypatch.setattr(processes, "SECONDS_TO_STOP", 0.5)
     monkeypatch.setattr(processes, "_stopping", threading.Event())
