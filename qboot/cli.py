@@ -273,7 +273,6 @@ def _publish(options: argparse.Namespace, rest: list[str]) -> None:
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
     from qboot.study.report import page
-    from qboot.study.store import programs
 
     out = options.out or Path("results") / options.profile
     if options.dry_run:
@@ -282,7 +281,6 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
         for line in dry_run.lines(options.profile, options.task, out, options.physics):
             print(line)
         return
-    programs.share(out)
     runner.reproduce(options.profile, options.task, out, options.jobs, options.physics)
     print(page.write(out))
 

@@ -20,7 +20,7 @@ from qboot.study import jobs as plan
 from qboot.study.pipeline.checks import check
 from qboot.study.pipeline.interruption import at_interrupt
 from qboot.study.pipeline.progress import STATUS_VARIABLE
-from qboot.study.store import lock, provenance, runs
+from qboot.study.store import lock, programs, provenance, runs
 from qboot.study.store.files import RunError
 from qboot.study.store.settings import RunSettings
 
@@ -59,6 +59,7 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
     settings = list(dict.fromkeys(each.run for each in table if each.run))
     for run in settings:
         check(run)
+    programs.share(out)  # a study that is refused has no place for them
     unusable = _create(out, settings)
     with lock.owned(out), _scratch(out) as scratch, at_interrupt(processes.stop_all):
         status = (scratch / f"{i}.json" for i in itertools.count())
