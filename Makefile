@@ -6,6 +6,8 @@ PHYSICS ?=
 OUT ?= results/$(PROFILE)
 VENV := .venv
 BIN := $(VENV)/bin
+# A file of tests is one process's, in the order that conftest.py gives the files.
+ON_TWO := -n 2 --dist loadfile --no-loadscope-reorder
 
 .PHONY: reproduce test test-slow coverage bench lint docs clean
 .DEFAULT_GOAL := reproduce
@@ -21,14 +23,14 @@ reproduce: $(VENV)/installed
 	$(BIN)/qboot reproduce --profile $(PROFILE) $(if $(TASK),--task $(TASK)) $(if $(PHYSICS),--physics $(PHYSICS)) --out $(OUT)
 
 test: $(VENV)/installed
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest $(ON_TWO)
 
 test-slow: $(VENV)/installed
 	$(BIN)/pytest -m slow
 
 # Lines of qboot/ that the tests run.
 coverage: $(VENV)/installed
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --cov --cov-report=term:skip-covered
+	$(BIN)/pytest $(ON_TWO) --cov --cov-report=term:skip-covered
 
 bench: $(VENV)/installed
 	$(BIN)/python experiments/bench.py

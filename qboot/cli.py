@@ -65,7 +65,7 @@ def _outcome(arguments: list[str] | None) -> int:
     try:
         if rest and options.command not in [stage.name for stage in STAGES]:
             raise ValueError(f"unknown arguments {' '.join(rest)}: see `qboot {options.command} --help`")
-        run_interruptible(lambda: options.run(options, rest))
+        run_interruptible(lambda: _run_command(options, rest))
     except KeyboardInterrupt as error:
         _say("\nqboot: interrupted; the same command goes on from the last save")
         return getattr(error, "exit_code", 130)
@@ -78,6 +78,13 @@ def _outcome(arguments: list[str] | None) -> int:
         _say(f"qboot: {words}")
         return 2
     return 0
+
+
+def _run_command(options: argparse.Namespace, rest: list[str]) -> None:
+    from qboot.study.store import programs  # late, so that help is quick
+
+    programs.write_whole()
+    options.run(options, rest)
 
 
 def _say(words: str) -> None:
@@ -166,9 +173,6 @@ def _stage(options: argparse.Namespace, rest: list[str]) -> None:
     if options.help:
         _show_help(options)
         return
-    from qboot.study.store import programs
-
-    programs.write_whole()
     workers = getattr(options, "workers", 1)
     _check_workers(workers)
     stage(options.command).do(_run(options, rest), workers)
@@ -224,9 +228,7 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study.controls import cells, sweep
     from qboot.study.controls.conditions import WHATS
     from qboot.study.pipeline import profiles
-    from qboot.study.store import programs
 
-    programs.write_whole()
     _check_workers(options.workers)
     study = options.out or Path("results") / options.profile
     for what in options.what or WHATS:

@@ -8,6 +8,7 @@ import io
 import json
 import os
 import sys
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -35,7 +36,7 @@ def write(path: Path, content: bytes, before: Callable[[str], None] = lambda dig
     Raises:
         RunError: if it cannot be written.
     """
-    part = _part(path, os.getpid())
+    part = _part(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -253,9 +254,9 @@ def _cell(value: Any) -> str:
     return repr(value.item()) if isinstance(value, np.generic) else str(value)
 
 
-def _part(path: Path, pid: int) -> Path:
-    """Where a process writes a file before it appears whole; short, for the name itself may be as long as can be."""
-    return path.with_name(f".{path.name[:40]}.{pid}.part")
+def _part(path: Path) -> Path:
+    """Where this thread writes a file before it appears whole; short, for the name itself may be as long as can be."""
+    return path.with_name(f".{path.name[:40]}.{threading.get_ident()}.{os.getpid()}.part")
 
 
 def _unreadable(path: Path, error: Exception) -> RunError:

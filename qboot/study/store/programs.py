@@ -1,7 +1,6 @@
 """Compiled programs that processes share: in the folder of a study, each whole or not there."""
 
 import os
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,10 @@ def share(out: Path) -> None:
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", float(seconds))
     files.remove_parts(Path(folder))
-    write_whole()
 
 
 def write_whole() -> None:
-    """Have JAX write what it keeps under another name first, and replace what is there already.
+    """Have JAX write what it keeps as all files of a study are written, and replace what is there already.
 
     JAX (up to 0.10 at least) writes a program in place and never again: another process may read half of it, and what
     a kill cut off is met with a warning, and compiled, at every start to come. It offers no seam for this, so the
@@ -39,11 +37,6 @@ def write_whole() -> None:
         if self.eviction_enabled:  # JAX has a lock then
             put_in_place(self, key, value)
             return
-        part = Path(self.path) / f".{key[-40:]}.{threading.get_ident()}.{os.getpid()}.part"
-        try:
-            part.write_bytes(value)
-            os.replace(part, Path(self.path) / f"{key}{lru_cache._CACHE_SUFFIX}")
-        finally:
-            part.unlink(missing_ok=True)
+        files.write(Path(self.path) / f"{key}{lru_cache._CACHE_SUFFIX}", value)
 
     cache.put = put
