@@ -12,7 +12,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
 from pathlib import Path
 
 # Under these names a benchmark tells its seconds, or how much it does in one.
@@ -28,14 +27,14 @@ def python(code: Path, *arguments: str) -> str:
     return subprocess.run(command, env=environment, cwd=code, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def measured(code: Path, pattern: str) -> dict[str, float]:
-    """Seconds, or seconds of a step, of the benchmarks whose names contain `pattern`, by name."""
+def measured(code: Path, name: str) -> float:
+    """Seconds, or seconds of a step, of one benchmark."""
     with tempfile.NamedTemporaryFile() as stream:
-        python(code, "experiments/bench.py", pattern, "--out", stream.name)
+        python(code, "experiments/bench.py", name, "--out", stream.name)
         rows = [json.loads(line) for line in Path(stream.name).read_text().splitlines()]
-    seconds = {row["benchmark"]: [row[name] for name in SECONDS if name in row] for row in rows}
-    rates = {row["benchmark"]: [1.0 / row[name] for name in RATES if name in row] for row in rows}
-    return {name: (seconds[name] + rates[name])[0] for name in seconds if seconds[name] + rates[name]}
+    [row] = [row for row in rows if row["benchmark"] == name]  # longer names that contain it were run, too
+    [seconds] = [row[key] for key in SECONDS if key in row] + [1.0 / row[key] for key in RATES if key in row]
+    return seconds
 
 
 def main() -> int:
@@ -52,11 +51,8 @@ def main() -> int:
     for name in there[0]:
         if options.pattern not in name or name not in there[1] or "sweep" in name:
             continue
-        found: defaultdict[Path, list[float]] = defaultdict(list)
-        for _ in range(options.repeats):
-            for code in codes:
-                found[code].append(measured(code, name)[name])
-        before, after = (min(found[code]) for code in codes)
+        turns = [[measured(code, name) for code in codes] for _ in range(options.repeats)]
+        before, after = (min(of_code) for of_code in zip(*turns, strict=True))
         print(f"{name:54}{before:12.3g}{after:12.3g}{after / before:16.2f}", flush=True)
     return 0
 
