@@ -79,7 +79,7 @@ def test_a_learner_costs_by_its_own_actions_and_inputs(table):
     # Of the 3 learners of each condition: 13 sensors now, 80 % of 104 twice, up to 156; what a human chose is at home
     # in the other experiment. 17 actions of 15 steps each.
     updates = 2 * 4_000 * RATES.lived / 15 * 4
-    inputs = 13 + 2 * 0.8 * 104 + 156
+    inputs = 13 + 2 * 0.8 * 104 + 156 / 2
     expected = 3 * 80 * updates * 17 * inputs * 125 * RATES.weight
     assert costs.seconds_of(sensors, weights)["ablate"] == pytest.approx(expected)
 

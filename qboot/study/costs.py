@@ -15,7 +15,8 @@ from qboot.envs.registry import get_task
 from qboot.envs.task import Domain, Task
 from qboot.extraction.actions import ActionSettings
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.controls.conditions import LAGS, places
+from qboot.study.controls.conditions import LAGS, Place, places
+from qboot.study.controls.sweep import INPUTS_AT_A_TIME
 from qboot.study.jobs import Job
 from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
@@ -116,7 +117,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
 
 
 def _of_control(job: Job, costs: Costs) -> dict[str, float]:
-    """All learners of an experiment, a program for each condition."""
+    """All learners of an experiment, a program for each shape."""
     task = get_task(job.task)
     size = control_size_of(task, job.what, job.profile)
     # The extraction of other numbers of actions plays the traces again.
@@ -124,7 +125,9 @@ def _of_control(job: Job, costs: Costs) -> dict[str, float]:
     for condition, place in places(task, job.what).items():
         if place.what == job.what:
             episode = _control_learning(job, condition).seconds(costs)
-            seconds += costs.compile_learning + size.runs * size.episodes * episode
+            is_of_any_size = place == Place("sensors", "random")
+            programs = min(size.runs, LAGS * len(task.sensors) // INPUTS_AT_A_TIME) if is_of_any_size else 1
+            seconds += programs * costs.compile_learning + size.runs * size.episodes * episode
     return {job.step: seconds}
 
 
@@ -146,7 +149,7 @@ def _control_learning(job: Job, condition: str) -> _Learning:
         "instant": n_sensors,
         "human": sum(map(len, expert.sensors)) if expert else selected,
         "selected": selected,
-        "random": LAGS * n_sensors,  # any number up to that, and the others are padded to the largest
+        "random": LAGS * n_sensors / 2,  # any number up to that, all equally likely
         "random+": selected,
     }
     # All of an experiment differs in one thing; the other is what a human designed.

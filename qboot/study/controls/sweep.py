@@ -36,6 +36,8 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise: on a CPU one by one is fastest (docs/performance.md).
 LANES = 1
+# Numbers of inputs are padded to multiples of this: with fewer programs, or less padding, more is lost than won.
+INPUTS_AT_A_TIME = 16
 CHECKPOINT = "learn.checkpoint.npz"
 
 learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
@@ -105,24 +107,36 @@ def _learn_cells(cells: Cells, workers: int) -> None:
 
 
 def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
-    """What each cell is padded to: what the cells of its condition fit into. Padding is computed with: four actions in
-    the shape of fifty would cost as much as fifty.
+    """What each cell is padded to. Padding is computed with: a state of ten inputs in the shape of 156 would cost as
+    much as one of 156. So those of a condition that are next to each other in their number of inputs go together.
     """
     groups: dict[str, list[Cell]] = {}
-    for cell in cells:
+    for cell in sorted(cells, key=n_inputs_of):
         groups.setdefault(cell.settings.condition, []).append(cell)
-    return {cell: padded for group in groups.values() for padded in [padded_to(group)] for cell in group}
+    blocks = [
+        group[i : i + group[0].settings.lanes]
+        for group in groups.values()
+        for i in range(0, len(group), group[0].settings.lanes)
+    ]
+    return {cell: padded for block in blocks for padded in [padded_to(block)] for cell in block}
 
 
 def padded_to(cells: list[Cell]) -> Padded:
-    """The smallest shape that some cells fit into."""
+    """A shape that some cells fit into, rounded up, so that there are not as many programs as cells."""
     sets = [read_actions(cell) for cell in cells]
     shortest = min(int(actions.durations.min()) for actions in sets)
+    decisions = -(-cells[0].settings.n_steps // shortest)
+    n_inputs = max(map(n_inputs_of, cells))
     return Padded(
         n_actions=max(len(actions.durations) for actions in sets),
-        n_inputs=max(int(read_selection(cell).sum()) for cell in cells),
-        capacity=-(-cells[0].settings.n_steps // shortest),
+        n_inputs=-(-n_inputs // INPUTS_AT_A_TIME) * INPUTS_AT_A_TIME,
+        capacity=1 << (decisions - 1).bit_length(),  # costs memory alone
     )
+
+
+def n_inputs_of(cell: Cell) -> int:
+    """The number of inputs that a cell learns with."""
+    return int(read_selection(cell).sum())
 
 
 def problem_of(cell: Cell, padded: Padded) -> Problem:
