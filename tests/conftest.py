@@ -42,7 +42,7 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -1 if readers and item.path == readers[0] else item.path in readers)
 
 
-TINY_SWEEP = {"n_runs": 2, "n_episodes": 3, "lanes": 4}
+TINY_SWEEP = {"n_runs": 2, "n_episodes": 3, "lanes": 1}
 
 
 def tiny_settings(task="ball_collecting", source="A", seed=0, **changed):

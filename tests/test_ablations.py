@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from conftest import TINY_SWEEP, begin_cells, record_all
 
-from qboot import qlearning
 from qboot.envs import get_task
 from qboot.extraction import baselines
 from qboot.extraction.segmentation import Segments
@@ -19,7 +18,7 @@ from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared,
 from qboot.study.pipeline import learning, loop
 from qboot.study.report import page
 from qboot.study.store import files, runs
-from qboot.study.store.artifacts import read_actions, read_selection, task_of
+from qboot.study.store.artifacts import read_actions, read_selection
 from qboot.study.store.files import RunError
 from qboot.study.store.output import Output
 from qboot.study.store.settings import CellSettings
@@ -86,27 +85,32 @@ def test_the_third_experiment_has_its_numbers_of_actions(tiny_study, tiny_run):
     np.testing.assert_array_equal(same.slopes, read_actions(tiny_run).slopes)
 
 
-def test_a_cell_in_a_program_is_one_on_its_own(tiny_study):
-    """Padded and side by side, or alone in its own shape: the same episodes, but for rounding."""
-    cells = [cell for some in folders.find(tiny_study, "ball_collecting", "n_actions").values() for cell in some]
-    shapes = sweep.shapes_of(cells)
-    for cell in cells[::3]:
-        problem = learning.problem_on(cell, task_of(cell).source_domains("A"))
-        state = qlearning.init(sweep.key_of_cell(cell), problem, shapes[cell].capacity)
-        _, info = qlearning.learn(state, problem, TINY_SWEEP["n_episodes"])
-        alone = learning.after(learning.begin(state), state, info).history
-        together = files.read_csv(cell.file("qlearning.csv"))
-        for name in learning.COLUMNS:
-            np.testing.assert_allclose(alone[name], np.array(together[name], float), rtol=1e-4, atol=1e-6)
+def test_cells_side_by_side_are_those_that_learn_alone(tiny_study, tmp_path):
+    """In a program of four, padded to the larger: the same but for rounding; each is made again to the byte."""
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study / "ball_collecting", copied / "ball_collecting")
+    begun = begin_cells(copied, "sensors", lanes=4)
+    some = {cell: run for cell, run in begun.items() if cell.settings.condition == "random"}
+    sweep.learn_cells(some, workers=1)
+    assert len(set(map(sweep.n_inputs_of, some))) == 2 and len(set(sweep.shapes_of(list(some)).values())) == 1
+    for cell in some:
+        alone = tiny_study / cell.folder.relative_to(copied) / "qlearning.csv"
+        together = cell.file("qlearning.csv")
+        for name, values in files.read_csv(alone).items():
+            others = np.array(files.read_csv(together)[name], float)
+            np.testing.assert_allclose(np.array(values, float), others, rtol=1e-4, atol=1e-6)
+    before = digests(copied)
+    together.unlink()
+    sweep.learn_cells(some, workers=1)
+    assert digests(copied) == before
 
 
 def test_one_by_one_the_shape_of_a_cell_does_not_depend_on_other_cells(tiny_study):
     """Nor do its results, then, whose last bits padding may change."""
     cells = [cell for some in folders.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
-    alone = [replace(cell, settings=replace(cell.settings, lanes=1)) for cell in cells]
-    shapes = sweep.shapes_of(alone)
+    shapes = sweep.shapes_of(cells)
     assert len(set(shapes.values())) > 2
-    for cell in alone:
+    for cell in cells:
         assert shapes[cell] == sweep.shapes_of([cell])[cell]
 
 
@@ -229,7 +233,7 @@ def test_a_common_cell_may_have_learned_longer(tiny_study, tmp_path):
 
 
 def test_cells_begun_with_other_settings_are_refused(tiny_study):
-    with pytest.raises(RunError, match="lanes = 4, not 5"):
+    with pytest.raises(RunError, match="lanes = 1, not 5"):
         begin_cells(tiny_study, "sensors", lanes=5)
 
 

@@ -262,15 +262,13 @@ def test_both_physics_agree(n_tests):
     assert succeeded > 0.1 and ended - succeeded > 0.1  # both outcomes are well represented
 
 
-@pytest.mark.parametrize(
-    ("evolved_in", "n_seeds"),
-    [("kinematic", 1), *(pytest.param(physics, 12, marks=pytest.mark.slow) for physics in PHYSICS)],
-)
-def test_evolved_networks_score_the_same_in_both_physics(evolved_in, n_seeds):
-    """Every twelfth network of three lineages of 400 generations: more than 10,000 tests in the slow cases together."""
+@pytest.mark.slow
+@pytest.mark.parametrize("evolved_in", PHYSICS)
+def test_evolved_networks_score_the_same_in_both_physics(evolved_in):
+    """Every twelfth network of three lineages of 400 generations: more than 10,000 tests in both cases together."""
     with np.load(DATA / "evolved_arms.npz") as arrays:
         genomes = Genome(*(arrays[f"{evolved_in}.{name}"] for name in Genome._fields))
-    for seed in range(n_seeds):
+    for seed in range(12):
         found = agreement.agreement(genomes, DnnSettings(feed_forward=True), seed)
         assert found["rollouts"] == 15 * len(genomes.weights) >= 450
         # A contact within rounding of the threshold may end otherwise: 1 of the first 40,800 of these rollouts.

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from conftest import promotion_for
+from toy_tasks import CELLS, corridor
 
 from qboot.envs import ball_collecting, box_pushing
 from qboot.extraction.traces import traces
@@ -166,15 +167,13 @@ def test_records_are_those_of_the_whole_flow(name):
 
 
 def test_blocks_do_not_change_results():
+    task, network = corridor((5, 1), (2, 4)), DnnSettings(n_inputs=CELLS + 1, n_outputs=1)
     genomes = jax.device_get(
-        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 7), DnnSettings())
+        jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 7), network)
     )
     keys = jax.random.split(jax.random.key(1), 7)
-    function = jax.jit(
-        lambda g, k: evaluation.evaluate(
-            TASK, DnnSettings(), DISTANCES["hamming"].recorder, TASK.source_domains("A"), g, k
-        )
-    )
+    parts = task, network, DISTANCES["hamming"].recorder, task.source_domains("A")
+    function = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
     assert_same(
         evaluation.in_blocks(function, 1, genomes, keys, block=3),
         evaluation.in_blocks(function, 2, genomes, keys, block=5),

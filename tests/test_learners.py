@@ -34,6 +34,10 @@ NEEDS = {
     "one_network": ({"alpha": 0.05}, 3000),
     "fitted_q": ({"eta": 30, "alpha": 0.01}, 60),
 }
+# Fitted Q learns by code of its own, the others by what the first one learns by.
+OTHERS_SLOW = [
+    name if name in ("q_learning", "fitted_q") else pytest.param(name, marks=pytest.mark.slow) for name in LEARNERS
+]
 
 
 @pytest.mark.parametrize("name", LEARNERS)
@@ -49,7 +53,7 @@ def test_the_optimal_values_of_a_corridor_are_learned(name):
     np.testing.assert_allclose(values, expected, atol=0.06 * REWARD)
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", OTHERS_SLOW)
 def test_learning_in_two_parts_is_learning_at_once(name):
     problem_ = problem(corridor((GOAL, RANDOM), (0, RANDOM)), replace(SETTINGS, algorithm=name))
     first = init(jax.random.key(5), problem_)
@@ -59,7 +63,7 @@ def test_learning_in_two_parts_is_learning_at_once(name):
     assert_same(parts, whole)
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", OTHERS_SLOW)
 def test_padding_changes_nothing(name):
     settings = replace(SETTINGS, algorithm=name)
     task = corridor((GOAL, RANDOM), (0, RANDOM))
