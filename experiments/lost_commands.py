@@ -17,9 +17,10 @@ import numpy as np
 
 from qboot.extraction.lost_commands import MIDDLE, Use, on_side, uses
 from qboot.extraction.segmentation import LONG_SEGMENTS
+from qboot.study.analysis.curves import score_at_the_end
 from qboot.study.pipeline.extracting import replayed, segments_of
 from qboot.study.store import runs
-from qboot.study.store.artifacts import read_actions, read_columns, task_of
+from qboot.study.store.artifacts import read_actions, task_of
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
@@ -66,8 +67,7 @@ def main() -> int:
     for run, of_run in found.items():
         shown = (of_run[name] for name in rare)
         cells = [f"{each.use.of_steps:.2%}, {each.of_segments:.2%}, {each.use.of_actions}" for each in shown]
-        scores = [float(score) for score in read_columns(run, "qlearning.csv")["score"][-100:]]
-        print(f"| {run.folder.name} |", " | ".join(cells), f"| {np.mean(scores):.2f} |", flush=True)
+        print(f"| {run.folder.name} |", " | ".join(cells), f"| {score_at_the_end(run):.2f} |", flush=True)
     return 0
 
 

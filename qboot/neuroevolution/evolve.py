@@ -89,12 +89,13 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
         _mutants(keys(problem.key, "mutation", ids), parents.genomes, problem.dnn, problem.settings.rates)
     )
     children = _unborn(genomes, ids, parents.ids, generation)
-    everyone = Individuals.concatenate(state.population, children)
     is_new_distance = diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation)
     # A new distance, or more room, is another program, which describes the survivors anew: what is compared comes from
     # one program, and so does what a resumed run computes again. So room is given up with a distance alone.
-    room = max(dnn.least_room(everyone.genomes, problem.dnn), 0 if is_new_distance else state.room)
+    rooms = [dnn.least_room(some.genomes, problem.dnn) for some in (state.population, children)]
+    room = max(*rooms, 0 if is_new_distance else state.room)
     if problem.settings.reevaluate:
+        everyone = Individuals.concatenate(state.population, children)
         everyone, behaviours, lived = _evaluated(problem, everyone, generation, room)
     else:
         if is_new_distance or room != state.room:

@@ -59,6 +59,11 @@ def generalisation(run: Run[RunSettings], method: str) -> float:
     return float(scores[methods == method].sum())
 
 
+def score_at_the_end(run: AnyRun) -> float:
+    """Mean score of the last hundred episodes of Q-learning on the source set, exploration included."""
+    return float(source_curve(run, "QL").scores[-100:].mean())
+
+
 def top_score(run: AnyRun, domains: str) -> float:
     """The greatest score possible on the "source" or "target" set of a run."""
     task = task_of(run)

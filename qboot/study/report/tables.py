@@ -14,7 +14,7 @@ from qboot.study.analysis.control_measures import (
     performance,
     steps,
 )
-from qboot.study.analysis.curves import top_score
+from qboot.study.analysis.curves import generalisation, score_at_the_end, top_score
 from qboot.study.analysis.measures import RUN_MEASURES
 from qboot.study.analysis.sizes import SizeRow
 from qboot.study.analysis.statistics import quartiles
@@ -69,14 +69,13 @@ def row(run: Run[RunSettings]) -> list[str]:
         cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
     if provenance.is_whole(run, "qlearning.csv"):
         learning = read_columns(run, "qlearning.csv")
-        scores = np.array(learning["score"], float)
-        cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
-        cells.append(f"{scores[-100:].mean():.2f}")
+        cells += [
+            f"{max(map(float, learning['score'])):g}",
+            first_at_least(learning["score"], learned, learning["episode"]),
+        ]
+        cells.append(f"{score_at_the_end(run):.2f}")
     if provenance.is_whole(run, "generalisation.csv"):
-        found = read_columns(run, "generalisation.csv")
-        for method in ("ER", "QL"):
-            values = [float(s) for s, m in zip(found["score"], found["method"], strict=True) if m == method]
-            cells.append(f"{sum(values):g}")
+        cells += [f"{generalisation(run, method):g}" for method in ("ER", "QL")]
     return cells + ["-"] * (len(header(run)) - len(cells))
 
 
