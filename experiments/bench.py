@@ -54,6 +54,15 @@ def least(call: Callable, repeats: int = 3) -> float:
     return min(seconds)
 
 
+def called(call: Callable, repeats: int = 3) -> tuple[float, float]:
+    """Seconds that the first call takes longer than the others, for compiling; and the least seconds of the others."""
+    started = time.perf_counter()
+    jax.block_until_ready(call())
+    first = time.perf_counter() - started
+    seconds = least(lambda: jax.block_until_ready(call()), repeats)
+    return first - seconds, seconds
+
+
 def random_genomes(n: int, network: DnnSettings) -> dnn.Genome:
     """The first generation's networks."""
     return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), n), network)
@@ -110,13 +119,10 @@ def controllers(name: str, physics: str, batch: int, diversity: str = "hamming",
     domains = task.source_domains("A")
 
     parts = task, network, DISTANCES[diversity].recorder, domains
-    arguments = random_genomes(batch, network), jax.random.split(jax.random.key(1), batch)
-
-    def run(genomes, keys):
-        return evaluation.evaluate_all(*parts, genomes, keys, workers=1)
-
-    compile_seconds, seconds = timed(run, *arguments)
-    steps = int(run(*arguments).steps.sum())
+    genomes, keys = jax.device_get(random_genomes(batch, network)), jax.random.split(jax.random.key(1), batch)
+    run = partial(evaluation.evaluate_all, *parts, genomes, keys, workers=1)
+    compile_seconds, seconds = called(run)
+    steps = int(run().steps.sum())
     return {
         "batch": batch,
         "steps_per_second": steps / seconds,
@@ -163,11 +169,8 @@ def q_learning(name: str, n_episodes: int) -> dict:
     """Episodes of Q-learning with the human-designed actions and sensors, one thread."""
     problem = expert_problem(name)
     run = partial(qlearning.learn, qlearning.init(jax.random.key(0), problem), problem, n_episodes)
-    started = time.perf_counter()
-    jax.block_until_ready(run())
-    first = time.perf_counter() - started
-    seconds = least(lambda: jax.block_until_ready(run()))
-    return {"episodes": n_episodes, "s_per_episode": seconds / n_episodes, "compile_s": first - seconds}
+    compile_seconds, seconds = called(run)
+    return {"episodes": n_episodes, "s_per_episode": seconds / n_episodes, "compile_s": compile_seconds}
 
 
 def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict:
@@ -191,11 +194,8 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
 
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):
-        started = time.perf_counter()
-        found[way] = jax.block_until_ready(call())
-        first_seconds = time.perf_counter() - started
-        seconds[way] = least(lambda call=call: jax.block_until_ready(call()), 2)
-        compile_seconds[way] = first_seconds - seconds[way]
+        compile_seconds[way], seconds[way] = called(call, 2)
+        found[way] = call()
     vmapped = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *found["vmapped"])
     single = jax.tree.map(lambda *leaves: jnp.stack(leaves), *found["single"])
     equal = [np.array_equal(one, other) for one, other in zip(vmapped[1].score, single[1].score, strict=True)]
@@ -217,10 +217,8 @@ def selection(n: int) -> dict:
     """Ranks, crowding and survivors of n individuals, two objectives."""
     select = jax.jit(nsga2.select, static_argnums=1)
     objectives = jax.random.uniform(jax.random.key(0), (n, 2))
-    started = time.perf_counter()
-    jax.block_until_ready(select(objectives, n // 2))
-    first = time.perf_counter() - started
-    return {"batch": n, "s": least(lambda: jax.block_until_ready(select(objectives, n // 2)), 20), "compile_s": first}
+    compile_seconds, seconds = called(partial(select, objectives, n // 2), 20)
+    return {"batch": n, "s": seconds, "compile_s": compile_seconds}
 
 
 def clustering(n: int) -> dict:
