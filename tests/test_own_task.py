@@ -54,7 +54,8 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
 def test_the_command_line_takes_a_task_from_a_file(tmp_path, monkeypatch, capsys):
     path = tmp_path / "my_robot.py"
     path.write_text(
-        "from toy_tasks import corridor\nMINE = corridor((5, 1), (0, 4), max_steps=40)._replace(name='mine')\n"
+        "from toy_tasks import RANDOM, corridor\n"
+        "MINE = corridor((5, RANDOM), (0, RANDOM), max_steps=40, rollouts_per_domain=4)._replace(name='mine')\n"
     )
     monkeypatch.chdir(tmp_path)
     sizes = [
