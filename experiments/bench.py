@@ -231,7 +231,8 @@ def sensors(n_traces: int) -> dict:
     """Lasso models from traces of 10,000 steps."""
     random = np.random.default_rng(0)
     traces = [np.cumsum(random.normal(size=(10_000, 13)), axis=0).astype(np.float32) for _ in range(n_traces)]
-    return {"traces": n_traces, "s": least(lambda: sensor_votes(iter(traces), 8, SensorSettings()), 1)}
+    _, seconds = called(lambda: sensor_votes(iter(traces), 8, SensorSettings()))  # the first call loads scikit-learn
+    return {"traces": n_traces, "s": seconds}
 
 
 CORES = os.cpu_count() or 1
