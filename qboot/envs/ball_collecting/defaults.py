@@ -3,7 +3,7 @@
 from qboot.extraction.actions import ActionSettings
 from qboot.neuroevolution.dnn import DnnSettings
 from qboot.qlearning.settings import LearnerSettings
-from qboot.study.pipeline.profiles import Defaults, Size, controls
+from qboot.study.pipeline.profiles import USUAL, Defaults, Size, controls
 
 DEFAULTS = Defaults(
     sizes={
@@ -24,6 +24,8 @@ DEFAULTS = Defaults(
     actions=ActionSettings(n_actions=17),
     n_actions=(4, 8, 17, 30, 50),  # the paper plots a range without saying which
     random_durations=(5, 25),
+    # Robots of five runs lived 0.76 to 0.96 of their rollouts, in the mean over 600 generations.
+    usual_costs=USUAL._replace(lived_evolving=0.9),
 )
 
 
