@@ -139,6 +139,22 @@ def test_a_process_ends_at_once_when_nobody_hears_its_last_words():
 
 
 @posix
+def test_a_signal_that_another_thread_gets_is_heard():
+    """The kernel chooses the thread, and none but the main one's sleep would end."""
+    code = (
+        "import os, signal, threading, time\n"
+        "from qboot.study.pipeline.interruption import Interrupted, run_interruptible\n"
+        "def work():\n"
+        "    time.sleep(1)  # until the main thread sleeps\n"
+        "    signal.pthread_kill(threading.get_ident(), signal.SIGTERM)\n"
+        "    time.sleep(600)\n"
+        "try: run_interruptible(work)\n"
+        "except Interrupted as error: os._exit(error.exit_code)\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], timeout=30).returncode == 143
+
+
+@posix
 def test_processes_are_stopped_together(monkeypatch):
     monkeypatch.setattr(processes, "SECONDS_TO_STOP", 0.5)
     monkeypatch.setattr(processes, "_stopping", threading.Event())

@@ -60,7 +60,10 @@ def run_interruptible(work: Callable[[], None]) -> None:
     with _signals_raise():
         try:
             threading.Thread(target=attempt, daemon=True).start()
-            done.wait()  # an interrupted `join` would take the thread for ended
+            # An interrupted `join` would take the thread for ended. And a signal that comes just before this thread goes
+            # to sleep, or to another thread, does not wake it: so it looks for itself.
+            while not done.wait(SECONDS_BETWEEN_LOOKS):
+                pass
         except KeyboardInterrupt:
             is_left = not done.is_set()
             for action in list(_actions.values()):
