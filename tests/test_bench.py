@@ -7,7 +7,6 @@ from experiments import bench, bench_beside
 SMALL = {
     "controllers": lambda: bench.controllers("ball_collecting", "fastsim", 2, max_steps=50),
     "networks": lambda: bench.networks(2, 4),
-    "mutation": lambda: bench.mutation(4),
     "selection": lambda: bench.selection(8),
     "clustering": lambda: bench.clustering(60),
     "machine": bench.calibration,

@@ -1,10 +1,9 @@
 """The experiment on brittle policies: what its variants change, and that it is told from what is finished."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+from toy_tasks import corridor, problem
 
 from experiments import brittleness
 from qboot import qlearning
@@ -34,23 +33,26 @@ def test_noise_is_small_new_in_each_step_and_hides_nothing_else():
     assert (np.abs(places - np.asarray(domain.start)) <= [5.0, 5.0, 0.1 + 1e-6]).all()
 
 
-def test_without_exploration_a_policy_scores_what_it_does_greedily(tiny_run):
-    task = task_of(tiny_run)
-    problem = problem_on(tiny_run, task.source_domains("A"))
-    networks = problem.new_networks(jax.random.key(1))
-    apart = brittleness.with_crane_apart(problem)
-    assert apart.n_actions == problem.n_actions + 1
+def test_one_action_alone_opens_the_crane(tiny_run):
+    whole = problem_on(tiny_run, task_of(tiny_run).source_domains("A"))
+    apart = brittleness.with_crane_apart(whole)
+    assert apart.n_actions == whole.n_actions + 1
     crane = np.asarray(apart.actions.intercepts)[:, 2]
     assert (crane[:-1] == 1.0).all() and crane[-1] == 0.0
-    # A task whose every step is rewarded tells policies apart that would score nothing.
-    rewarding = task._replace(step=lambda *some: task.step(*some)._replace(reward=some[2][0] * task.reward))
-    for each, own in ((problem, networks), (apart, apart.new_networks(jax.random.key(1)))):
-        each = dataclasses.replace(each, task=rewarding)
-        greedy = qlearning.evaluate(own, jax.random.key(0), each).sum()
-        found = brittleness.scores_of(own, jax.random.key(0), each, jnp.float32(0.0), 2)
-        np.testing.assert_allclose(found, float(greedy), rtol=1e-6)
-    random = brittleness.scores_of(own, jax.random.key(0), each, jnp.float32(1.0), 2)
-    assert random[0] != random[1]
+    assert (np.asarray(apart.actions.slopes)[:, 2] == 0.0).all()
+    for kept, new in zip(whole.actions, apart.actions, strict=True):
+        np.testing.assert_array_equal(np.asarray(kept).T[:2], np.asarray(new)[:-1].T[:2])  # the wheels, or durations
+
+
+def test_without_exploration_a_policy_scores_what_it_does_greedily():
+    robot = corridor((5, 0), (0, 4), (5, 3), max_steps=12)
+    some = problem(robot._replace(step=lambda *step: robot.step(*step)._replace(reward=step[2][0] * robot.reward)))
+    networks = some.new_networks(jax.random.key(1))
+    greedy = float(qlearning.evaluate(networks, jax.random.key(0), some).sum())
+    found = brittleness.scores_of(networks, jax.random.key(0), some, jnp.float32(0.0), 2)
+    np.testing.assert_allclose(found, greedy, rtol=1e-6)
+    random = brittleness.scores_of(networks, jax.random.key(0), some, jnp.float32(1.0), 4)
+    assert len(set(random.tolist())) > 1
 
 
 def test_it_goes_on_where_it_was(tiny_run, tmp_path, capsys, monkeypatch):
