@@ -60,8 +60,8 @@ def run_interruptible(work: Callable[[], None]) -> None:
     with _signals_raise():
         try:
             threading.Thread(target=attempt, daemon=True).start()
-            # An interrupted `join` would take the thread for ended. And a signal that comes just before this thread goes
-            # to sleep, or to another thread, does not wake it: so it looks for itself.
+            # An interrupted `join` would take the thread for ended. And a signal that comes just before this thread
+            # goes to sleep, or to another thread, does not wake it: so it looks for itself.
             while not done.wait(SECONDS_BETWEEN_LOOKS):
                 pass
         except KeyboardInterrupt:
