@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -54,13 +55,15 @@ def least(call: Callable, repeats: int = 3) -> float:
     return min(seconds)
 
 
-def called(call: Callable, repeats: int = 3) -> tuple[float, float]:
-    """Seconds that the first call takes longer than the others, for compiling; and the least seconds of the others."""
+def called(call: Callable, repeats: int = 3) -> tuple[float, float, Any]:
+    """Seconds that the first call takes longer than the others, for compiling; the least seconds of the others; and
+    what the first returned.
+    """
     started = time.perf_counter()
-    jax.block_until_ready(call())
+    found = jax.block_until_ready(call())
     first = time.perf_counter() - started
     seconds = least(lambda: jax.block_until_ready(call()), repeats)
-    return first - seconds, seconds
+    return first - seconds, seconds, found
 
 
 def random_genomes(n: int, network: DnnSettings) -> dnn.Genome:
@@ -121,8 +124,8 @@ def controllers(name: str, physics: str, batch: int, diversity: str = "hamming",
     parts = task, network, DISTANCES[diversity].recorder, domains
     genomes, keys = jax.device_get(random_genomes(batch, network)), jax.random.split(jax.random.key(1), batch)
     run = partial(evaluation.evaluate_all, *parts, genomes, keys, workers=1)
-    compile_seconds, seconds = called(run)
-    steps = int(run().steps.sum())
+    compile_seconds, seconds, found = called(run)
+    steps = int(found.steps.sum())
     return {
         "batch": batch,
         "steps_per_second": steps / seconds,
@@ -169,7 +172,7 @@ def q_learning(name: str, n_episodes: int) -> dict:
     """Episodes of Q-learning with the human-designed actions and sensors, one thread."""
     problem = expert_problem(name)
     run = partial(qlearning.learn, qlearning.init(jax.random.key(0), problem), problem, n_episodes)
-    compile_seconds, seconds = called(run)
+    compile_seconds, seconds, _ = called(run)
     return {"episodes": n_episodes, "s_per_episode": seconds / n_episodes, "compile_s": compile_seconds}
 
 
@@ -194,8 +197,7 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
 
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):
-        compile_seconds[way], seconds[way] = called(call, 2)
-        found[way] = call()
+        compile_seconds[way], seconds[way], found[way] = called(call, 2)
     vmapped = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *found["vmapped"])
     single = jax.tree.map(lambda *leaves: jnp.stack(leaves), *found["single"])
     equal = [np.array_equal(one, other) for one, other in zip(vmapped[1].score, single[1].score, strict=True)]
@@ -217,7 +219,7 @@ def selection(n: int) -> dict:
     """Ranks, crowding and survivors of n individuals, two objectives."""
     select = jax.jit(nsga2.select, static_argnums=1)
     objectives = jax.random.uniform(jax.random.key(0), (n, 2))
-    compile_seconds, seconds = called(partial(select, objectives, n // 2), 20)
+    compile_seconds, seconds, _ = called(partial(select, objectives, n // 2), 20)
     return {"batch": n, "s": seconds, "compile_s": compile_seconds}
 
 
@@ -231,7 +233,7 @@ def sensors(n_traces: int) -> dict:
     """Lasso models from traces of 10,000 steps."""
     random = np.random.default_rng(0)
     traces = [np.cumsum(random.normal(size=(10_000, 13)), axis=0).astype(np.float32) for _ in range(n_traces)]
-    _, seconds = called(lambda: sensor_votes(iter(traces), 8, SensorSettings()))  # the first call loads scikit-learn
+    _, seconds, _ = called(lambda: sensor_votes(iter(traces), 8, SensorSettings()))  # the first call loads scikit-learn
     return {"traces": n_traces, "s": seconds}
 
 

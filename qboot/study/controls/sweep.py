@@ -36,7 +36,7 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise: on a CPU one by one is fastest (docs/performance.md).
 LANES = 1
-# Numbers of inputs are padded to multiples of this: with fewer programs, or less padding, more is lost than won.
+# Numbers of inputs are padded to multiples of this, so that learners of about one size share a program.
 INPUTS_AT_A_TIME = 16
 CHECKPOINT = "learn.checkpoint.npz"
 
