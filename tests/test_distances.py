@@ -29,7 +29,7 @@ def edit_distance(a, b):
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10_000), st.sampled_from([1, 9]), st.sampled_from([3, 32, 43]))
+@given(st.integers(0, 10_000), st.sampled_from([1, 2, 9]), st.sampled_from([3, 16, 32, 43]))
 def test_hamming(seed, n, n_channels):
     """Of as many channels as there are, in words of 32."""
     bits = np.random.default_rng(seed).integers(0, 2, (n, 2, 7, n_channels), dtype=np.uint64)

@@ -85,7 +85,7 @@ CORRIDOR_NETWORK = DnnSettings(n_inputs=CELLS + 1, n_outputs=1, max_hidden=2, ma
 
 
 @given(st.integers(1, 7), st.integers(1, 9))
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_any_number_of_rollouts_in_any_number_of_lanes(n_controllers, n_lanes):
     keys = jax.random.split(jax.random.key(n_controllers), n_controllers)
     assert_as_one_by_one(CORRIDOR, CORRIDOR_NETWORK, random_genomes(n_controllers, CORRIDOR_NETWORK), keys, n_lanes)
