@@ -13,7 +13,7 @@ import argparse
 import dataclasses
 import sys
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +30,7 @@ from qboot.qlearning import Problem
 from qboot.qlearning.acting import choose
 from qboot.qlearning.inputs import read_inputs
 from qboot.qlearning.smdp import SmdpState, execute, is_ongoing, start_rollout
-from qboot.study.pipeline.learning import problem_on
+from qboot.study.pipeline.learning import EPISODES_PER_CALL, call_size, problem_on
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import key_of, task_of
@@ -40,7 +40,6 @@ from qboot.study.store.settings import RunSettings
 
 EXPLORATION = (0.0, 0.01, 0.05, 0.15)
 TRIALS = 20
-EPISODES_PER_CALL = 10
 COLUMNS = ("variant", "run", "learner", "episodes", "set", "exploration", "score")
 
 OF_SENSORS = 0.02  # standard deviation, of the range of a sensor
@@ -105,13 +104,8 @@ def with_exploration(problem: Problem) -> Problem:
 
 def as_task(change: Callable[[Task], Task]) -> Callable[[Problem], Problem]:
     """The change of a task as one of a problem; each task is changed once, so that its program is compiled once."""
-    done: dict[Task, Task] = {}
-
-    def changed(problem: Problem) -> Problem:
-        task = problem.task
-        return dataclasses.replace(problem, task=done.setdefault(task, change(task)))
-
-    return changed
+    changed = cache(change)
+    return lambda problem: dataclasses.replace(problem, task=changed(problem.task))
 
 
 VARIANTS: dict[str, Callable[[Problem], Problem]] = {
@@ -154,9 +148,9 @@ def learned(run: Run[RunSettings], problem: Problem, learner: int, episodes: int
     state = qlearning.init(jax.random.fold_in(key_of(run, "brittleness"), learner), problem)
     with Progress(label, "episode", episodes) as progress:
         for done in range(0, episodes, EPISODES_PER_CALL):
-            state, info = qlearning.learn(state, problem, min(EPISODES_PER_CALL, episodes - done))
-            recent = float(info.score.sum(axis=1).mean())
-            progress.update(min(done + EPISODES_PER_CALL, episodes), recent=recent)
+            size = call_size(done, episodes)
+            state, info = qlearning.learn(state, problem, size)
+            progress.update(done + size, recent=float(info.score.sum(axis=1).mean()))
     return state.networks
 
 

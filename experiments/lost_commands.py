@@ -18,7 +18,7 @@ import numpy as np
 
 from qboot.extraction.lost_commands import MIDDLE, Use, on_side, uses
 from qboot.extraction.segmentation import LONG_SEGMENTS
-from qboot.study.analysis.curves import score_at_the_end
+from qboot.study.analysis.curves import score_at_the_end, source_curve
 from qboot.study.pipeline.extracting import replayed, segments_of
 from qboot.study.store import runs
 from qboot.study.store.artifacts import read_actions, task_of
@@ -96,7 +96,12 @@ def main() -> int:
             f"{each.use.of_steps:.2%}, {each.in_a_row:g}, {each.of_segments:.2%}, {each.use.of_actions}"
             for each in shown
         ]
-        print(f"| {run.folder.name} |", " | ".join(cells), f"| {score_at_the_end(run):.2f} |", flush=True)
+        print(
+            f"| {run.folder.name} |",
+            " | ".join(cells),
+            f"| {score_at_the_end(source_curve(run, 'QL').scores):.2f} |",
+            flush=True,
+        )
     return 0
 
 

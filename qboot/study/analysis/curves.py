@@ -59,9 +59,9 @@ def generalisation(run: Run[RunSettings], method: str) -> float:
     return float(scores[methods == method].sum())
 
 
-def score_at_the_end(run: AnyRun) -> float:
-    """Mean score of the last hundred episodes of Q-learning on the source set, exploration included."""
-    return float(source_curve(run, "QL").scores[-100:].mean())
+def score_at_the_end(scores: np.ndarray) -> float:
+    """Mean of the last hundred scores (K,), or of all where there are fewer; exploration included."""
+    return float(scores[-100:].mean())
 
 
 def top_score(run: AnyRun, domains: str) -> float:

@@ -69,11 +69,9 @@ def row(run: Run[RunSettings]) -> list[str]:
         cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
     if provenance.is_whole(run, "qlearning.csv"):
         learning = read_columns(run, "qlearning.csv")
-        cells += [
-            f"{max(map(float, learning['score'])):g}",
-            first_at_least(learning["score"], learned, learning["episode"]),
-        ]
-        cells.append(f"{score_at_the_end(run):.2f}")
+        scores = np.array(learning["score"], float)
+        cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
+        cells.append(f"{score_at_the_end(scores):.2f}")
     if provenance.is_whole(run, "generalisation.csv"):
         cells += [f"{generalisation(run, method):g}" for method in ("ER", "QL")]
     return cells + ["-"] * (len(header(run)) - len(cells))
