@@ -186,11 +186,10 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     problem = expert_problem(name)
     keys, length = jax.random.split(jax.random.key(0), n_seeds), problem.task.max_steps // ACTION_DURATION
     alone = [full_store(qlearning.init(key, problem), problem, length) for key in keys]
-    blocks = [jax.tree.map(lambda *leaves: jnp.stack(leaves), *alone[i : i + lanes]) for i in range(0, n_seeds, lanes)]
-    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf] * lanes), problem)
+    blocks = [alone[i : i + lanes] for i in range(0, n_seeds, lanes)]
 
     def side_by_side():
-        return [learn_side_by_side(block, stacked, n_episodes) for block in blocks]
+        return [end for block in blocks for end in learn_side_by_side(block, [problem] * len(block), n_episodes)]
 
     def one_by_one():
         return [qlearning.learn(state, problem, n_episodes) for state in alone]
@@ -198,8 +197,7 @@ def sweep_of_seeds(name: str, n_seeds: int, lanes: int, n_episodes: int) -> dict
     compile_seconds, seconds, found = {}, {}, {}
     for way, call in (("vmapped", side_by_side), ("single", one_by_one)):
         compile_seconds[way], seconds[way], found[way] = called(call, 2)
-    vmapped = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *found["vmapped"])
-    single = jax.tree.map(lambda *leaves: jnp.stack(leaves), *found["single"])
+    vmapped, single = (jax.tree.map(lambda *leaves: jnp.stack(leaves), *found[way]) for way in ("vmapped", "single"))
     equal = [np.array_equal(one, other) for one, other in zip(vmapped[1].score, single[1].score, strict=True)]
     pairs = zip(jax.tree.leaves(vmapped[0].networks), jax.tree.leaves(single[0].networks), strict=True)
     return {

@@ -17,7 +17,7 @@ import numpy as np
 from qboot import qlearning
 from qboot.keys import key
 from qboot.qlearning import Problem, input_set
-from qboot.qlearning.learner import LearnerState
+from qboot.qlearning.learner import EpisodeInfo, LearnerState
 from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cells
 from qboot.study.pipeline import learning, loop
@@ -36,12 +36,26 @@ Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise: on a CPU one by one is fastest (docs/performance.md).
 LANES = 1
-# Numbers of inputs are padded to multiples of this, so that learners of about one size share a program.
+# Shapes are rounded up, so that learners of about one size share a program: numbers of inputs to multiples of this, the
+# decisions of a rollout, which cost memory alone, to powers of two from this on.
 INPUTS_AT_A_TIME = 16
+LEAST_CAPACITY = 64
 CHECKPOINT = "learn.checkpoint.npz"
 
-learn_side_by_side = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
-"""`qlearning.learn` for stacked states and problems (leading axis)."""
+_batched = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
+
+
+def learn_side_by_side(
+    states: list[LearnerState], problems: list[Problem], n_episodes: int
+) -> list[tuple[LearnerState, EpisodeInfo]]:
+    """What `qlearning.learn` gives for each of some learners of one shape, which learn in one program.
+
+    One alone needs no axis of learners: batched, it would compute both branches of every condition.
+    """
+    if len(states) == 1:
+        return [qlearning.learn(states[0], problems[0], n_episodes)]
+    together = _batched(_stack(states), _stack(problems), n_episodes)
+    return [_take(together, i) for i in range(len(states))]
 
 
 class Padded(NamedTuple):
@@ -50,13 +64,6 @@ class Padded(NamedTuple):
     n_actions: int
     n_inputs: int
     capacity: int  # decisions in a rollout at most
-
-
-class Block(NamedTuple):
-    """Cells that learn side by side; leading axis on every leaf of `states`."""
-
-    states: LearnerState
-    learners: list[Learning]  # of each cell
 
 
 def learn_cells(cells: Cells, workers: int) -> None:
@@ -122,7 +129,7 @@ def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
 
 
 def padded_to(cells: list[Cell]) -> Padded:
-    """A shape that some cells fit into, rounded up, so that there are not as many programs as cells."""
+    """A shape that some cells fit into."""
     sets = [read_actions(cell) for cell in cells]
     shortest = min(int(actions.durations.min()) for actions in sets)
     decisions = -(-cells[0].settings.n_steps // shortest)
@@ -130,7 +137,7 @@ def padded_to(cells: list[Cell]) -> Padded:
     return Padded(
         n_actions=max(len(actions.durations) for actions in sets),
         n_inputs=-(-n_inputs // INPUTS_AT_A_TIME) * INPUTS_AT_A_TIME,
-        capacity=1 << (decisions - 1).bit_length(),  # costs memory alone
+        capacity=max(LEAST_CAPACITY, 1 << (decisions - 1).bit_length()),
     )
 
 
@@ -174,34 +181,30 @@ def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[
     """Learn in a block of cells, side by side, to their ends; a line for each that diverged, others go on."""
     cells = list(begun)
     settings = cells[0].settings
+    problems = [problem_of(cell, padded) for cell in cells]
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
     places = [min(i, len(cells) - 1) for i in range(settings.lanes)]
-    problems = _stack([problem_of(cells[i], padded) for i in places])
-    start = Block(_stack([begun[cells[i]].state for i in places]), list(begun.values()))
 
-    def step(block: Block) -> Block:
-        size = learning.call_size(block.learners[0].episodes, settings.episodes)
-        states, info = learn_side_by_side(block.states, problems, size)
-        return Block(
-            states,
-            [learning.after(each, _take(states, i), _take(info, i)) for i, each in enumerate(block.learners)],
-        )
+    def step(block: list[Learning]) -> list[Learning]:
+        size = learning.call_size(block[0].episodes, settings.episodes)
+        found = learn_side_by_side([block[i].state for i in places], [problems[i] for i in places], size)
+        return [learning.after(each, *new) for each, new in zip(block, found, strict=False)]
 
-    def save(block: Block) -> None:
-        for cell, each in zip(cells, block.learners, strict=True):
+    def save(block: list[Learning]) -> None:
+        for cell, each in zip(cells, block, strict=True):
             if not learning.divergence(each, settings.learner):
                 Output(cell, LEARN_CELL).save(CHECKPOINT, learning.saved(each))
 
     work = Work(
         total=settings.episodes,
-        done=lambda block: block.learners[0].episodes,
+        done=lambda block: block[0].episodes,
         step=step,
         save=save,
-        report=lambda block: report(cells, block.learners[0].episodes),
+        report=lambda block: report(cells, block[0].episodes),
     )
-    end = loop.advance(work, start)
+    end = loop.advance(work, list(begun.values()))
     diverged = []
-    for cell, each in zip(cells, end.learners, strict=True):
+    for cell, each in zip(cells, end, strict=True):
         output = Output(cell, LEARN_CELL)
         if words := learning.divergence(each, settings.learner):
             learning.keep_diverged(output, "qlearning.csv", each)
