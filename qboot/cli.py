@@ -143,6 +143,13 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--profile", default="quick", help=profiles)
     sub.add_argument("--runs", type=int, help="learners per condition; default as the profile says")
     sub.add_argument("--episodes", type=int, help="Q-learning episodes of each; default as the profile says")
+    sub.add_argument(
+        "--evolved",
+        nargs="+",
+        default=[],
+        metavar="RUN",
+        help="evolved runs that new learners start from, in turn, such as A-0 B-2; default all, the sources in turn",
+    )
     sub.add_argument("--out", type=Path, help="folder of the study; default results/PROFILE")
     sub.add_argument("--lanes", type=int, help="learners side by side in a program, default 1")
     sub.add_argument("--workers", type=int, default=1, help="programs at a time; they do not change results")
@@ -236,7 +243,7 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
         n_runs = size.runs if options.runs is None else options.runs
         n_episodes = size.episodes if options.episodes is None else options.episodes
         lanes = sweep.LANES if options.lanes is None else options.lanes
-        begun = cells.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes)
+        begun = cells.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes, options.evolved)
         sweep.learn_cells(begun, options.workers)
 
 

@@ -192,6 +192,17 @@ def test_more_runs_and_sources_leave_cells_as_they_are(tiny_study, tmp_path, tin
     )
 
 
+def test_new_cells_start_from_the_runs_that_are_named(tiny_study, tmp_path, tiny_run):
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study, copied)
+    shutil.copytree(copied / "ball_collecting" / "A-0", copied / "ball_collecting" / "A-1")
+    cells = begin_cells(copied, "actions", n_runs=4, only=["A-1"])
+    evolved = {(cell.settings.condition, cell.settings.seed): run.folder.name for cell, run in cells.items()}
+    assert [evolved["random", seed] for seed in range(4)] == ["A-0", "A-0", "A-1", "A-1"]
+    with pytest.raises(RunError, match="has no run B-9 of ball_collecting .* choose some of A-0, A-1"):
+        begin_cells(copied, "actions", n_runs=4, only=["A-0", "B-9"])
+
+
 def test_what_two_experiments_have_in_common_is_learned_once(tiny_study, tmp_path):
     """Human actions with human sensors, and extracted actions in their own number with human sensors."""
     both = [folders.find(tiny_study, "ball_collecting", what) for what in WHATS]

@@ -4,7 +4,7 @@ A condition that several experiments have has its cells in the folder of the fir
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -32,7 +32,16 @@ class Plan(NamedTuple):
     left_out: list[str]  # conditions that cannot be had, and why, a line each
 
 
-def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Cells:
+def begin(
+    study: Path,
+    task_name: str,
+    what: str,
+    profile: str,
+    n_runs: int,
+    n_episodes: int,
+    lanes: int,
+    only: Sequence[str] = (),
+) -> Cells:
     """The cells of an experiment, begun now or earlier, and the evolved run of each; arguments and errors of `plan`.
 
     Conditions that are left out are said on stderr.
@@ -40,7 +49,7 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     Raises:
         RunError: also if a cell was begun with other settings or for fewer episodes, or all conditions are left out.
     """
-    planned = plan(study, task_name, what, profile, n_runs, n_episodes, lanes)
+    planned = plan(study, task_name, what, profile, n_runs, n_episodes, lanes, only)
     if not planned.cells:
         raise RunError("; ".join(planned.left_out))
     for line in planned.left_out:
@@ -50,7 +59,16 @@ def begin(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_e
     return {runs.create(folder, settings): run for folder, (settings, run) in planned.cells.items()}
 
 
-def plan(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_episodes: int, lanes: int) -> Plan:
+def plan(
+    study: Path,
+    task_name: str,
+    what: str,
+    profile: str,
+    n_runs: int,
+    n_episodes: int,
+    lanes: int,
+    only: Sequence[str] = (),
+) -> Plan:
     """The cells that an experiment has to have, begun or not.
 
     A number of actions for which one of the evolved runs has too few segments is left out: from the others alone it
@@ -64,11 +82,12 @@ def plan(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_ep
         n_runs: cells per condition, >= 1.
         n_episodes: of Q-learning, >= 1. A cell that serves another experiment too may have begun with more.
         lanes: learners side by side in a program, >= 1.
+        only: names of the evolved runs that new cells start from, in turn; all, the sources in turn, if there is none.
 
     Raises:
         ValueError: for an unknown task or experiment, or a number below 1.
-        RunError: if no run of the task has extracted actions and sensors, one that cells were begun from is gone, or
-            the runs' own number of actions is not the task's.
+        RunError: if no run of the task has extracted actions and sensors, or not one that is named, one that cells were
+            begun from is gone, or the runs' own number of actions is not the task's.
     """
     for name, value in (("runs", n_runs), ("episodes", n_episodes), ("lanes", lanes)):
         if value < 1:
@@ -76,6 +95,12 @@ def plan(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_ep
     task = get_task(task_name)
     evolved = _evolved(study, task.name)
     by_name = {run.folder.name: run for run in evolved}
+    if unknown := [name for name in only if name not in by_name]:
+        raise RunError(
+            f"{study} has no run {unknown[0]} of {task.name} with extracted actions and sensors: "
+            f"choose some of {', '.join(by_name)}"
+        )
+    chosen = [by_name[name] for name in only] or evolved
     planned = Plan({}, [])
     for condition, place in places(task, what).items():
         of_condition = {}
@@ -87,7 +112,7 @@ def plan(study: Path, task_name: str, what: str, profile: str, n_runs: int, n_ep
                 raise RunError(
                     f"{folder} was begun from the run {known.evolved}, which is gone: make it again, or delete both"
                 )
-            run = by_name[known.evolved] if known else evolved[seed % len(evolved)]
+            run = by_name[known.evolved] if known else chosen[seed % len(chosen)]
             actions = run.settings.actions
             if what == "n_actions" and place.what != what and actions.n_actions != int(condition):
                 raise RunError(
