@@ -27,9 +27,6 @@ from experiments.one_at_a_time import with_interval
 from qboot import keys, qlearning
 from qboot.envs.task import Domain, Task
 from qboot.qlearning import Problem
-from qboot.qlearning.acting import choose
-from qboot.qlearning.inputs import read_inputs
-from qboot.qlearning.smdp import SmdpState, execute, is_ongoing, start_rollout
 from qboot.study.pipeline.learning import EPISODES_PER_CALL, call_size, problem_on
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files, runs
@@ -121,26 +118,10 @@ VARIANTS: dict[str, Callable[[Problem], Problem]] = {
 def scores_of(networks: Any, key: jax.Array, problem: Problem, exploration: jax.Array, trials: int) -> jax.Array:
     """Scores (trials,) of episodes of acting epsilon-greedily in all domains; nothing is learned."""
 
-    def rollout(key: jax.Array, domain: Domain) -> jax.Array:
-        def decide(carry: tuple[SmdpState, jax.Array, jax.Array]) -> tuple[SmdpState, jax.Array, jax.Array]:
-            smdp, total, decision = carry
-            values = problem.learner.values(networks, read_inputs(problem.inputs, smdp.history, problem.settings))
-            decision_key = jax.random.fold_in(keys.key(key, "decisions"), decision)
-            action = choose(decision_key, values, problem.action_mask, exploration)
-            smdp, _, reward = execute(problem, domain, action, smdp)
-            return smdp, total + reward, decision + 1
+    def score(trial: jax.Array) -> jax.Array:
+        return jnp.sum(qlearning.evaluate(networks, jax.random.fold_in(key, trial), problem, exploration))
 
-        start = start_rollout(keys.key(key, "reset"), problem, domain), jnp.float32(0), jnp.int32(0)
-        return lax.while_loop(lambda carry: is_ongoing(problem.task, carry[0]), decide, start)[1]
-
-    def episode(trial: jax.Array) -> jax.Array:
-        def one(index: jax.Array) -> jax.Array:
-            rollout_key = jax.random.fold_in(jax.random.fold_in(key, trial), index)
-            return rollout(rollout_key, problem.domain(problem.place(index)))
-
-        return jnp.sum(lax.map(one, jnp.arange(problem.n_rollouts))) / problem.task.reward
-
-    return lax.map(episode, jnp.arange(trials))
+    return lax.map(score, jnp.arange(trials))
 
 
 def learned(run: Run[RunSettings], problem: Problem, learner: int, episodes: int, label: str) -> Any:

@@ -199,7 +199,7 @@ def test_new_cells_start_from_the_runs_that_are_named(tiny_study, tmp_path, tiny
     cells = begin_cells(copied, "actions", n_runs=4, only=["A-1"])
     evolved = {(cell.settings.condition, cell.settings.seed): run.folder.name for cell, run in cells.items()}
     assert [evolved["random", seed] for seed in range(4)] == ["A-0", "A-0", "A-1", "A-1"]
-    with pytest.raises(RunError, match="has no run B-9 of ball_collecting .* choose some of A-0, A-1"):
+    with pytest.raises(RunError, match=r"has no run B-9 of ball_collecting .* choose some of A-0, A-1"):
         begin_cells(copied, "actions", n_runs=4, only=["A-0", "B-9"])
 
 

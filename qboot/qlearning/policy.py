@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from qboot import keys
 from qboot.envs.task import Domain
 from qboot.extraction.actions import commands
-from qboot.qlearning.acting import greedy
+from qboot.qlearning.acting import choose, greedy
 from qboot.qlearning.inputs import read_inputs
 from qboot.qlearning.problem import Problem, assert_shapes
 from qboot.qlearning.smdp import SmdpState, end_action, execute, is_ongoing, primitive_step, start_rollout
@@ -28,18 +29,23 @@ class Rollout(NamedTuple):
 
 def greedy_action(networks: Any, problem: Problem, smdp: SmdpState) -> jax.Array:
     """Action of greatest value, () int32."""
-    inputs = read_inputs(problem.inputs, smdp.history, problem.settings)
-    return greedy(problem.learner.values(networks, inputs), problem.action_mask)
+    return greedy(values_of(networks, problem, smdp), problem.action_mask)
+
+
+def values_of(networks: Any, problem: Problem, smdp: SmdpState) -> jax.Array:
+    """Values (A,) of all actions."""
+    return problem.learner.values(networks, read_inputs(problem.inputs, smdp.history, problem.settings))
 
 
 @jax.jit
-def evaluate(networks: Any, key: jax.Array, problem: Problem) -> jax.Array:
+def evaluate(networks: Any, key: jax.Array, problem: Problem, exploration: jax.Array | None = None) -> jax.Array:
     """Score (D,) of the greedy policy in each domain, summed over the rollouts of one episode; nothing is learned.
 
     Args:
         networks: a learner's.
         key: random key of the episode.
         problem: its domains may be other ones than those of the training, and of any number.
+        exploration: () probability of a random action instead, for an epsilon-greedy policy.
 
     Raises:
         AssertionError: if the shapes of the problem's arrays do not fit each other.
@@ -49,14 +55,20 @@ def evaluate(networks: Any, key: jax.Array, problem: Problem) -> jax.Array:
     task = problem.task
 
     def score(index: jax.Array) -> jax.Array:
-        domain = problem.domain(problem.place(index))
+        domain, rollout_key = problem.domain(problem.place(index)), jax.random.fold_in(key, index)
+
+        def action(smdp: SmdpState) -> jax.Array:
+            if exploration is None:
+                return greedy_action(networks, problem, smdp)
+            decision_key = jax.random.fold_in(keys.key(rollout_key, "decisions"), smdp.step)
+            return choose(decision_key, values_of(networks, problem, smdp), problem.action_mask, exploration)
 
         def decide(carry: tuple[SmdpState, jax.Array]) -> tuple[SmdpState, jax.Array]:
             smdp, total = carry
-            smdp, _, reward = execute(problem, domain, greedy_action(networks, problem, smdp), smdp)
+            smdp, _, reward = execute(problem, domain, action(smdp), smdp)
             return smdp, total + reward
 
-        smdp = start_rollout(jax.random.fold_in(key, index), problem, domain)
+        smdp = start_rollout(rollout_key, problem, domain)
         _, total = lax.while_loop(lambda carry: is_ongoing(task, carry[0]), decide, (smdp, jnp.float32(0)))
         return total / task.reward
 
