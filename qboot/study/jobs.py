@@ -1,5 +1,6 @@
 """The jobs of a study: the one table that `qboot reproduce`, its dry run and the workflow for clusters go by."""
 
+import itertools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,7 +73,9 @@ def jobs_of(profile: str, task: str | None, out: Path, physics: str | None = Non
         raise ValueError(f"--physics {physics} without --task: tasks differ in what they run on, so say which task")
     tasks = [task] if task else list(BUILT_IN)
     settings = {name: profiles.runs_of(name, profile, physics) for name in tasks}
-    of_runs = [_stage_job(out, run, stage) for name in tasks for run in settings[name] for stage in STAGES]
+    # The tasks in turn: runs that start together compile different programs, and later ones find theirs in the store.
+    in_turn = [run for some in itertools.zip_longest(*settings.values()) for run in some if run]
+    of_runs = [_stage_job(out, run, stage) for run in in_turn for stage in STAGES]
     # Those of the slower simulation first, so that the cores are busy to the end.
     return of_runs + [_control_job(out, name, what, profile, settings[name]) for name in tasks[::-1] for what in WHATS]
 
