@@ -102,6 +102,31 @@ def test_conclusions_are_tested_on_cells(paper_sized):
     assert {finding.verdict for finding in (instant, selected, *others)} == {NO_DATA}
 
 
+def test_only_the_runs_behind_the_learners_have_to_be_long_enough(paper_sized, tiny_run):
+    folder, [run] = paper_sized
+    found = cells.find(folder, "ball_collecting", "actions")
+    other = runs.Run(folder / "ball_collecting" / "B-0", tiny_run.settings)
+    assert appendix.shortfall(found, "actions", [run, other]) == ""
+    moved = replace(found["human"][0].settings, evolved="B-0")
+    with_other = found | {"human": [runs.Run(found["human"][0].folder, moved)]}
+    assert "individuals of the population: 8 of 128" in appendix.shortfall(with_other, "actions", [run, other])
+
+
+def test_an_order_can_show_before_the_papers_episodes(paper_sized, tmp_path):
+    """That two conditions do not differ cannot: before anything is learned, nothing does."""
+    folder, some = paper_sized
+    shutil.copytree(folder, tmp_path / "study")
+    shorter = {
+        condition: [runs.Run(cell.folder, replace(cell.settings, episodes=6_000)) for cell in of_condition]
+        for condition, of_condition in cells.find(tmp_path / "study", "ball_collecting", "actions").items()
+    }
+    for cell in itertools.chain(*shorter.values()):
+        record_all(cell)
+    extracted, human, _, _, alike, *_ = appendix.findings({what: {} for what in WHATS} | {"actions": shorter}, some)
+    assert extracted.verdict.answer == human.verdict.answer == AGREES
+    assert alike.verdict == rules.Verdict(CANNOT_TELL, "episodes of a learner: 6,000 of 10,000")
+
+
 @pytest.mark.parametrize(
     ("p_value", "printed", "n_cells", "comparable", "expected"),
     [

@@ -12,7 +12,7 @@ from qboot.study.analysis import rules, verdicts
 from qboot.study.analysis.control_measures import CONTROL_MEASURES, common_episodes
 from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.measures import EVOLVED
-from qboot.study.analysis.printed import ControlConclusion, TestTable
+from qboot.study.analysis.printed import SAME, ControlConclusion, TestTable
 from qboot.study.analysis.rules import CANNOT_TELL, NO_DATA, Verdict
 from qboot.study.analysis.statistics import Comparison, a12_interval, mann_whitney
 from qboot.study.analysis.verdicts import Finding
@@ -65,24 +65,28 @@ def findings(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Find
     """The paper's conclusions from a task's control experiments, tested on our cells; arguments as for `tables`."""
     paper = task_of(some[0]).paper
     conclusions = paper().control_conclusions if paper else ()
-    return [_finding(each, cells[each.what], shortfall(cells[each.what], each.what, some)) for each in conclusions]
+    return [_finding(each, cells[each.what], some) for each in conclusions]
 
 
 def shortfall(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
     """In what the cells of an experiment, or the evolved runs behind them, are smaller than the paper's, in words."""
-    of_runs = verdicts.shortfall(some, ("population", EVOLVED, "n_steps", "horizon"))
-    task = task_of(some[0])
-    settings = [cell.settings for of_condition in cells.values() for cell in of_condition]
-    if of_runs or not settings:
+    of_runs = verdicts.shortfall(runs_behind(cells, some), ("population", EVOLVED, "n_steps", "horizon"))
+    episodes = [cell.settings.episodes for of_condition in cells.values() for cell in of_condition]
+    if of_runs or not episodes:
         return of_runs
-    for name, unit, needed in (
-        ("episodes", "episodes of a learner", profiles.control_size_of(task, what, "paper").episodes),
-        ("n_steps", "timesteps of a rollout", profiles.size_of(task, "paper").n_steps),
-    ):
-        least = min(getattr(each, name) for each in settings)
-        if least < needed:
-            return f"{unit}: {least:,} of {needed:,}"
-    return ""
+    needed = profiles.control_size_of(task_of(some[0]), what, "paper").episodes
+    return f"episodes of a learner: {min(episodes):,} of {needed:,}" if min(episodes) < needed else ""
+
+
+def shortfall_of_order(cells: Cells, some: list[Run[RunSettings]]) -> str:
+    """The same for a claim that one condition is better than another, which can show after fewer episodes too."""
+    return verdicts.shortfall(runs_behind(cells, some), verdicts.NEEDED_FOR_ORDER)
+
+
+def runs_behind(cells: Cells, some: list[Run[RunSettings]]) -> list[Run[RunSettings]]:
+    """Those of some runs that the cells of an experiment were begun from."""
+    names = {cell.settings.evolved for of_condition in cells.values() for cell in of_condition}
+    return [run for run in some if run.folder.name in names]
 
 
 def _own_tables(cells: dict[str, Cells]) -> list[TestTable]:
@@ -123,13 +127,15 @@ def _pair(first: np.ndarray, second: np.ndarray, printed: tuple[float, ...] | No
     return Pair(n_cells, medians, comparison, a12_interval(first, second), printed, verdict)
 
 
-def _finding(claim: ControlConclusion, cells: Cells, short: str) -> Finding:
+def _finding(claim: ControlConclusion, cells: Cells, some: list[Run[RunSettings]]) -> Finding:
     conclusion = claim.conclusion
     names = conclusion.first, conclusion.second
     episodes = common_episodes(cells) if cells else 0
     first, second = (_values(cells, name, claim.measure, episodes) for name in names)
     scores = np.concatenate([_values(cells, name, "performance", episodes) for name in names])
     top = top_score(next(iter(cells.values()))[0], "source") if cells else 0.0
+    is_order = conclusion.relation != SAME
+    short = shortfall_of_order(cells, some) if is_order else shortfall(cells, claim.what, some)
     return verdicts.found_on(conclusion, first, second, top, float(scores.max(initial=0.0)), short)
 
 

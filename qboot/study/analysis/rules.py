@@ -31,10 +31,10 @@ RULES = (
     "episode (or generation) in which half of the runs, or more, have the top score at once; a quartile likewise. "
     "Single episodes count, exploration included. When the median never gets there, and the runs were given less time "
     "than the paper's took, it cannot be told.",
-    f"A claim about an order needs full populations and full rollouts, at least {MIN_RUNS} runs, and some score above "
-    f"zero. It agrees when the Mann-Whitney test finds that order (A12 > 0.5, p < {SIGNIFICANCE}) and differs when it "
-    "finds the opposite one; otherwise it differs when there are as many runs as in the paper, and cannot be told when "
-    "there are fewer.",
+    f"A claim about an order needs full populations and full rollouts, at least {MIN_RUNS} runs or learners, and some "
+    f"score above zero. It agrees when the Mann-Whitney test finds that order (A12 > 0.5, p < {SIGNIFICANCE}) and "
+    "differs when it finds the opposite one; otherwise it differs when there are as many runs as in the paper, and "
+    "cannot be told when there are fewer.",
     "A claim that two things do not differ agrees when they are shown to be equivalent (two one-sided tests at 5 %): "
     "the 90 % bootstrap interval of the difference of their medians lies within an eighth of the top score, a margin "
     "named before the study. Otherwise it differs when the Mann-Whitney test finds a difference "

@@ -19,7 +19,7 @@ from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 # An order of two methods can show in shorter runs too, but not with other populations or rollouts.
-_NEEDED_FOR_ORDER = ("population", "n_steps")
+NEEDED_FOR_ORDER = ("population", "n_steps")
 
 
 class Row(NamedTuple):
@@ -99,7 +99,9 @@ def found_on(
 
 
 def shortfall(some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
-    """In which of the sizes named some runs (at least one, of one task) are smaller than the paper's, in words."""
+    """In which of the sizes named some runs of one task are smaller than the paper's, in words."""
+    if not some:
+        return ""
     needed = sizes.of_paper(task_of(some[0]))
     if not needed:
         return "no paper tells of it"
@@ -129,7 +131,7 @@ def _row(name: str, printed: Result | None, some: list[Run[RunSettings]]) -> Row
         interval=summary.interval,
         not_reached=summary.not_reached,
         verdict=rules.judge_number(
-            printed, value, summary.quartiles, len(found), summary.given, shortfall(some, measure.needs)
+            printed, value, summary.quartiles, len(found), summary.given, shortfall(list(gathered.found), measure.needs)
         ),
         missing=missing,
     )
@@ -141,4 +143,4 @@ def _finding(conclusion: Conclusion, some: list[Run[RunSettings]]) -> Finding:
     both = [run for run in one if run in other]
     first, second = (np.array([of[run] for run in both], float).reshape(-1) for of in (one, other))
     best = float(max([*first, *second], default=0.0))
-    return found_on(conclusion, first, second, top_score(some[0], "target"), best, shortfall(some, _NEEDED_FOR_ORDER))
+    return found_on(conclusion, first, second, top_score(some[0], "target"), best, shortfall(both, NEEDED_FOR_ORDER))
