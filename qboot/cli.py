@@ -243,8 +243,8 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
         n_runs = size.runs if options.runs is None else options.runs
         n_episodes = size.episodes if options.episodes is None else options.episodes
         lanes = sweep.LANES if options.lanes is None else options.lanes
-        begun = cells.begin(study, options.task, what, options.profile, n_runs, n_episodes, lanes, options.evolved)
-        sweep.learn_cells(begun, options.workers)
+        planned = cells.plan(study, options.task, what, options.profile, n_runs, n_episodes, lanes, options.evolved)
+        sweep.learn_cells(cells.begin(planned), options.workers)
 
 
 def _replay(options: argparse.Namespace, rest: list[str]) -> None:

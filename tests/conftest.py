@@ -92,7 +92,7 @@ def record_all(run):
 
 def begin_cells(folder, what, task="ball_collecting", **changed):
     """Cells of a control experiment that take seconds."""
-    return cells.begin(folder, task, what, "tiny", **(TINY_SWEEP | changed))
+    return cells.begin(cells.plan(folder, task, what, "tiny", **(TINY_SWEEP | changed)))
 
 
 @pytest.fixture(scope="session")

@@ -110,6 +110,8 @@ def test_only_the_runs_behind_the_learners_have_to_be_long_enough(paper_sized, t
     moved = replace(found["human"][0].settings, evolved="B-0")
     with_other = found | {"human": [runs.Run(found["human"][0].folder, moved)]}
     assert "individuals of the population: 8 of 128" in appendix.shortfall(with_other, "actions", [run, other])
+    for falls_short in (appendix.shortfall, appendix.shortfall_of_order):
+        assert falls_short(with_other, "actions", [run]) == "evolved runs that are gone: B-0"
 
 
 def test_an_order_can_show_before_the_papers_episodes(paper_sized, tmp_path):

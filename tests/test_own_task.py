@@ -40,7 +40,7 @@ def test_a_registered_task_goes_from_sensors_to_a_report(registered, tmp_path):
         stage.do(run)
         assert stage.is_done(run)
     for what in WHATS:
-        begun = cells.begin(tmp_path, "corridor", what, "smoke", n_runs=1, n_episodes=2, lanes=1)
+        begun = cells.begin(cells.plan(tmp_path, "corridor", what, "smoke", n_runs=1, n_episodes=2, lanes=1))
         # Nobody designed actions or sensors for it: what is human-designed is left out.
         assert "human" not in {cell.settings.condition for cell in begun}
         sweep.learn_cells(begun, workers=1)

@@ -70,23 +70,35 @@ def findings(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Find
 
 def shortfall(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
     """In what the cells of an experiment, or the evolved runs behind them, are smaller than the paper's, in words."""
-    of_runs = verdicts.shortfall(runs_behind(cells, some), ("population", EVOLVED, "n_steps", "horizon"))
-    episodes = [cell.settings.episodes for of_condition in cells.values() for cell in of_condition]
-    if of_runs or not episodes:
-        return of_runs
-    needed = profiles.control_size_of(task_of(some[0]), what, "paper").episodes
-    return f"episodes of a learner: {min(episodes):,} of {needed:,}" if min(episodes) < needed else ""
+    of_runs = _shortfall_of_runs(cells, some, ("population", EVOLVED, "n_steps", "horizon"))
+    return of_runs or _shortfall_of_cells(cells, what, some, ("episodes", "n_steps"))
 
 
-def shortfall_of_order(cells: Cells, some: list[Run[RunSettings]]) -> str:
+def shortfall_of_order(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
     """The same for a claim that one condition is better than another, which can show after fewer episodes too."""
-    return verdicts.shortfall(runs_behind(cells, some), verdicts.NEEDED_FOR_ORDER)
+    of_runs = _shortfall_of_runs(cells, some, verdicts.NEEDED_FOR_ORDER)
+    return of_runs or _shortfall_of_cells(cells, what, some, ("n_steps",))
 
 
-def runs_behind(cells: Cells, some: list[Run[RunSettings]]) -> list[Run[RunSettings]]:
-    """Those of some runs that the cells of an experiment were begun from."""
-    names = {cell.settings.evolved for of_condition in cells.values() for cell in of_condition}
-    return [run for run in some if run.folder.name in names]
+def _shortfall_of_runs(cells: Cells, some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
+    """That of the runs that the cells were begun from."""
+    behind = {cell.settings.evolved for of_condition in cells.values() for cell in of_condition}
+    if gone := behind - {run.folder.name for run in some}:
+        return f"evolved runs that are gone: {', '.join(sorted(gone))}"
+    return verdicts.shortfall([run for run in some if run.folder.name in behind], needs)
+
+
+def _shortfall_of_cells(cells: Cells, what: str, some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
+    task = task_of(some[0])
+    settings = [cell.settings for of_condition in cells.values() for cell in of_condition]
+    for name, unit, needed in (
+        ("episodes", "episodes of a learner", profiles.control_size_of(task, what, "paper").episodes),
+        ("n_steps", "timesteps of a rollout", profiles.size_of(task, "paper").n_steps),
+    ):
+        least = min((getattr(each, name) for each in settings), default=needed)
+        if name in needs and least < needed:
+            return f"{unit}: {least:,} of {needed:,}"
+    return ""
 
 
 def _own_tables(cells: dict[str, Cells]) -> list[TestTable]:
@@ -134,8 +146,8 @@ def _finding(claim: ControlConclusion, cells: Cells, some: list[Run[RunSettings]
     first, second = (_values(cells, name, claim.measure, episodes) for name in names)
     scores = np.concatenate([_values(cells, name, "performance", episodes) for name in names])
     top = top_score(next(iter(cells.values()))[0], "source") if cells else 0.0
-    is_order = conclusion.relation != SAME
-    short = shortfall_of_order(cells, some) if is_order else shortfall(cells, claim.what, some)
+    fall_short = shortfall if conclusion.relation == SAME else shortfall_of_order
+    short = fall_short(cells, claim.what, some)
     return verdicts.found_on(conclusion, first, second, top, float(scores.max(initial=0.0)), short)
 
 

@@ -32,24 +32,12 @@ class Plan(NamedTuple):
     left_out: list[str]  # conditions that cannot be had, and why, a line each
 
 
-def begin(
-    study: Path,
-    task_name: str,
-    what: str,
-    profile: str,
-    n_runs: int,
-    n_episodes: int,
-    lanes: int,
-    only: Sequence[str] = (),
-) -> Cells:
-    """The cells of an experiment, begun now or earlier, and the evolved run of each; arguments and errors of `plan`.
-
-    Conditions that are left out are said on stderr.
+def begin(planned: Plan) -> Cells:
+    """The cells of a plan, begun now or earlier, and the evolved run of each; what is left out is said on stderr.
 
     Raises:
-        RunError: also if a cell was begun with other settings or for fewer episodes, or all conditions are left out.
+        RunError: if a cell was begun with other settings or for fewer episodes, or all conditions are left out.
     """
-    planned = plan(study, task_name, what, profile, n_runs, n_episodes, lanes, only)
     if not planned.cells:
         raise RunError("; ".join(planned.left_out))
     for line in planned.left_out:
