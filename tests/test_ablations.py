@@ -13,7 +13,7 @@ from qboot.envs import get_task
 from qboot.extraction import baselines
 from qboot.extraction.segmentation import Segments
 from qboot.study.controls import cells as folders
-from qboot.study.controls import segments, sweep
+from qboot.study.controls import segments, shapes, sweep
 from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared, places
 from qboot.study.pipeline import learning, loop
 from qboot.study.report import page
@@ -85,14 +85,17 @@ def test_the_third_experiment_has_its_numbers_of_actions(tiny_study, tiny_run):
     np.testing.assert_array_equal(same.slopes, read_actions(tiny_run).slopes)
 
 
-def test_cells_side_by_side_are_those_that_learn_alone(tiny_study, tmp_path):
-    """In a program of four, padded to the larger: the same but for rounding; each is made again to the byte."""
+def test_cells_side_by_side_are_those_that_learn_alone(tiny_study, tmp_path, monkeypatch):
+    """In a program of four, padded to the larger instead of the largest of the task: the same but for rounding; each is
+    made again to the byte.
+    """
+    monkeypatch.setattr(shapes, "costs_little", lambda *_: False)
     copied = tmp_path / "study"
     shutil.copytree(tiny_study / "ball_collecting", copied / "ball_collecting")
     begun = begin_cells(copied, "sensors", lanes=4)
     some = {cell: run for cell, run in begun.items() if cell.settings.condition == "random"}
     sweep.learn_cells(some, workers=1)
-    assert len(set(map(sweep.n_inputs_of, some))) == 2 and len(set(sweep.shapes_of(list(some)).values())) == 1
+    assert len(set(map(shapes.shape_of, some))) == 2 and len(set(shapes.shapes_of(list(some)).values())) == 1
     for cell in some:
         alone = tiny_study / cell.folder.relative_to(copied) / "qlearning.csv"
         together = cell.file("qlearning.csv")
@@ -105,13 +108,27 @@ def test_cells_side_by_side_are_those_that_learn_alone(tiny_study, tmp_path):
     assert digests(copied) == before
 
 
+def long(cell):
+    """A cell that would learn for so long that a program of its own is worth compiling."""
+    return replace(cell, settings=replace(cell.settings, episodes=100_000))
+
+
 def test_one_by_one_the_shape_of_a_cell_does_not_depend_on_other_cells(tiny_study):
     """Nor do its results, then, whose last bits padding may change."""
     cells = [cell for some in folders.find(tiny_study, "ball_collecting", "sensors").values() for cell in some]
-    shapes = sweep.shapes_of(cells)
-    assert len(set(shapes.values())) > 2
-    for cell in cells:
-        assert shapes[cell] == sweep.shapes_of([cell])[cell]
+    long_ones = list(map(long, cells))
+    found = shapes.shapes_of(cells + long_ones)
+    assert len({found[cell] for cell in cells}) == 1 and len({found[cell] for cell in long_ones}) > 2
+    for cell in cells + long_ones:
+        assert found[cell] == shapes.shapes_of([cell])[cell]
+
+
+def test_the_largest_shape_has_room_for_every_cell(tiny_study):
+    for what in WHATS:
+        for some in folders.find(tiny_study, "ball_collecting", what).values():
+            for cell in some:
+                own, shared = shapes.shape_of(long(cell)), shapes.shape_of(cell)
+                assert all(least <= most for least, most in zip(own, shared, strict=True))
 
 
 def test_a_deleted_cell_is_made_again_alone_and_to_the_byte(tiny_study, tmp_path):
@@ -310,8 +327,8 @@ def test_in_doubt_segments_are_counted(tiny_run, monkeypatch):
 
 def test_padding_is_what_does_nothing(tiny_study):
     found = folders.find(tiny_study, "ball_collecting", "sensors")
-    cells = [cell for name, some in found.items() if name != "human" for cell in some]
-    shape = sweep.padded_to(cells)
+    cells = [replace(long(cell), settings=replace(long(cell).settings, lanes=2)) for cell in found["random"]]
+    shape = shapes.shapes_of(cells)[cells[0]]
     largest = max(int(read_selection(cell).sum()) for cell in cells)
     assert largest <= shape.n_inputs < largest + 16
     for cell in cells:

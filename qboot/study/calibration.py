@@ -16,7 +16,8 @@ from qboot.neuroevolution.distances import DISTANCES
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import LearnerState
 from qboot.study.controls.conditions import LAGS
-from qboot.study.costs import n_rollouts, n_selected, n_weights
+from qboot.study.costs import n_selected
+from qboot.study.pipeline.episode import n_rollouts, n_weights
 from qboot.study.pipeline.profiles import Costs, defaults_of
 
 REPEATS = 5

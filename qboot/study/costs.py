@@ -6,18 +6,16 @@ robot, and so much for each update, after a decision or in the replay, by the si
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from qboot.envs.registry import get_task
-from qboot.envs.task import Domain, Task
+from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSettings
-from qboot.qlearning.settings import LearnerSettings
 from qboot.study.controls.conditions import LAGS, Place, places
-from qboot.study.controls.sweep import INPUTS_AT_A_TIME
+from qboot.study.controls.shapes import INPUTS_AT_A_TIME, costs_little, largest, padded
 from qboot.study.jobs import Job
+from qboot.study.pipeline.episode import Episode, n_rollouts
 from qboot.study.pipeline.profiles import Costs, Defaults, control_size_of, defaults_of, size_of
 from qboot.study.store.settings import RunSettings
 
@@ -53,36 +51,6 @@ def extracted_duration(settings: ActionSettings) -> float:
     return settings.min_duration + SHARE_OF_DURATIONS * (settings.max_duration - settings.min_duration)
 
 
-def n_weights(n_actions: int, n_inputs: float, hidden: int) -> float:
-    """Input weights of all networks of a Q-learner."""
-    return n_actions * n_inputs * hidden
-
-
-def n_rollouts(task: Task, domains: Domain) -> int:
-    """Rollouts of an episode."""
-    return len(jax.tree.leaves(domains)[0]) * task.rollouts_per_domain
-
-
-class _Learning(NamedTuple):
-    """An episode of Q-learning, as far as its cost goes."""
-
-    settings: LearnerSettings
-    rollouts_per_domain: int
-    n_rollouts: int
-    n_steps: int
-    n_actions: int
-    n_inputs: float
-    duration: float  # mean of the actions, in steps
-
-    def seconds(self, costs: Costs) -> float:
-        """Core-seconds, once as many trajectories are replayed as can be kept."""
-        steps = self.n_steps * costs.lived
-        decisions = self.n_rollouts * steps / self.duration
-        replayed = decisions * self.settings.eta / self.rollouts_per_domain
-        update = costs.update + costs.weight * n_weights(self.n_actions, self.n_inputs, self.settings.hidden)
-        return self.n_rollouts * steps * costs.acting_step + (decisions + replayed) * update
-
-
 def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
     task, defaults = get_task(run.task, run.physics), defaults_of(get_task(run.task))
     evolution = run.evolution
@@ -97,7 +65,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
 
     def episodes(n: int, n_rollouts: int) -> float:
         sizes = run.actions.n_actions, n_selected(task, defaults), extracted_duration(run.actions)
-        learning = _Learning(run.learner, task.rollouts_per_domain, n_rollouts, run.n_steps, *sizes)
+        learning = Episode(run.learner, task.rollouts_per_domain, n_rollouts, run.n_steps, *sizes)
         return costs.compile_learning + n * learning.seconds(costs)
 
     if step == "evolve":
@@ -120,18 +88,24 @@ def _of_control(job: Job, costs: Costs) -> dict[str, float]:
     """All learners of an experiment, a program for each shape."""
     task = get_task(job.task)
     size = control_size_of(task, job.what, job.profile)
+    defaults = defaults_of(task)
+    shared = largest(task, defaults.actions, defaults.learner, size_of(task, job.profile).n_steps)
+    programs, is_shared = 0, False
     # The extraction of other numbers of actions plays the traces again.
     seconds = costs.start + (costs.compile_evolution if job.what == "n_actions" else 0.0)
     for condition, place in places(task, job.what).items():
         if place.what == job.what:
-            episode = _control_learning(job, condition).seconds(costs)
-            is_of_any_size = place == Place("sensors", "random")
-            programs = min(size.runs, LAGS * len(task.sensors) // INPUTS_AT_A_TIME) if is_of_any_size else 1
-            seconds += programs * costs.compile_learning + size.runs * size.episodes * episode
-    return {job.step: seconds}
+            episode = _control_learning(job, condition)
+            if costs_little(task, episode, size.episodes, shared):
+                episode, is_shared = padded(episode, shared), True
+            else:
+                is_of_any_size = place == Place("sensors", "random")
+                programs += min(size.runs, LAGS * len(task.sensors) // INPUTS_AT_A_TIME) if is_of_any_size else 1
+            seconds += size.runs * size.episodes * episode.seconds(costs)
+    return {job.step: seconds + (programs + is_shared) * costs.compile_learning}
 
 
-def _control_learning(job: Job, condition: str) -> _Learning:
+def _control_learning(job: Job, condition: str) -> Episode:
     """An episode of a condition, with as many actions and inputs as are to be expected."""
     task = get_task(job.task)
     defaults, expert, n_sensors = defaults_of(task), task.expert, len(task.sensors)
@@ -154,7 +128,7 @@ def _control_learning(job: Job, condition: str) -> _Learning:
     }
     # All of an experiment differs in one thing; the other is what a human designed.
     n_actions, durations = of_actions["human" if job.what == "sensors" else condition]
-    return _Learning(
+    return Episode(
         settings=defaults.learner,
         rollouts_per_domain=task.rollouts_per_domain,
         n_rollouts=n_rollouts(task, task.source_domains(task.sources[0])),

@@ -22,7 +22,8 @@ from qboot.study.store.settings import CellSettings, RunSettings
 
 # What a finished cell holds.
 FILES = (*EQUIP.makes, *LEARN_CELL.makes)
-Cells = dict[Run[CellSettings], Run[RunSettings]]  # of one experiment, and the evolved run of each
+Cell = Run[CellSettings]
+Cells = dict[Cell, Run[RunSettings]]  # of one experiment, and the evolved run of each
 
 
 class Plan(NamedTuple):
@@ -151,12 +152,12 @@ def _check_lags(settings: CellSettings, task: Task) -> None:
         )
 
 
-def find(study: Path, task_name: str, what: str) -> dict[str, list[Run[CellSettings]]]:
+def find(study: Path, task_name: str, what: str) -> dict[str, list[Cell]]:
     """The finished cells of an experiment by condition; conditions without any are left out.
 
     Where there are only cells that another experiment has too, this one was not done.
     """
-    found: dict[str, list[Run[CellSettings]]] = {}
+    found: dict[str, list[Cell]] = {}
     for condition, cell in _begun(study, task_name, what):
         if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
             found.setdefault(condition, []).append(cell)
@@ -189,7 +190,7 @@ def faults(study: Path, task_name: str, what: str) -> list[str]:
     return words
 
 
-def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Run[CellSettings] | str]]:
+def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Cell | str]]:
     """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
     task = get_task(task_name)
     for condition, place in places(task, what).items():
@@ -218,7 +219,7 @@ def _set_aside_damaged(folder: Path) -> None:
         files.set_aside(config, "is damaged")
 
 
-def equip(cell: Run[CellSettings], evolved: Run[RunSettings]) -> None:
+def equip(cell: Cell, evolved: Run[RunSettings]) -> None:
     """Write what a cell learns with: actions.npz and sensors.npz, as the stage extract does for a run."""
     provenance.record_evolved(cell, evolved)
     output = Output(cell, EQUIP)

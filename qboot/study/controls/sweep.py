@@ -8,7 +8,7 @@ import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,8 @@ from qboot.keys import key
 from qboot.qlearning import Problem, input_set
 from qboot.qlearning.learner import EpisodeInfo, LearnerState
 from qboot.study.controls import cells as folders
-from qboot.study.controls.cells import Cells
+from qboot.study.controls.cells import Cell, Cells
+from qboot.study.controls.shapes import Shape, shapes_of
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
@@ -28,18 +29,11 @@ from qboot.study.store import files, lock, provenance
 from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
 from qboot.study.store.output import Output
 from qboot.study.store.recipes import LEARN_CELL
-from qboot.study.store.runs import Run
-from qboot.study.store.settings import CellSettings
 
 Tree = TypeVar("Tree")
-Cell = Run[CellSettings]
 
 # Learners side by side in a program, unless told otherwise: on a CPU one by one is fastest (docs/performance.md).
 LANES = 1
-# Shapes are rounded up, so that learners of about one size share a program: numbers of inputs to multiples of this, the
-# decisions of a rollout, which cost memory alone, to powers of two from this on.
-INPUTS_AT_A_TIME = 16
-LEAST_CAPACITY = 64
 CHECKPOINT = "learn.checkpoint.npz"
 
 _batched = jax.jit(jax.vmap(qlearning.learn, in_axes=(0, 0, None)), static_argnums=2)
@@ -56,14 +50,6 @@ def learn_side_by_side(
         return [qlearning.learn(states[0], problems[0], n_episodes)]
     together = _batched(_stack(states), _stack(problems), n_episodes)
     return [_take(together, i) for i in range(len(states))]
-
-
-class Padded(NamedTuple):
-    """What cells that learn in one program are padded to."""
-
-    n_actions: int
-    n_inputs: int
-    capacity: int  # decisions in a rollout at most
 
 
 def learn_cells(cells: Cells, workers: int) -> None:
@@ -113,45 +99,12 @@ def _learn_cells(cells: Cells, workers: int) -> None:
         raise Diverged("; ".join(words))
 
 
-def shapes_of(cells: list[Cell]) -> dict[Cell, Padded]:
-    """What each cell is padded to. Padding is computed with: a state of ten inputs in the shape of 156 would cost as
-    much as one of 156. So those of a condition that are next to each other in their number of inputs go together.
-    """
-    groups: dict[str, list[Cell]] = {}
-    for cell in sorted(cells, key=n_inputs_of):
-        groups.setdefault(cell.settings.condition, []).append(cell)
-    blocks = [
-        group[i : i + group[0].settings.lanes]
-        for group in groups.values()
-        for i in range(0, len(group), group[0].settings.lanes)
-    ]
-    return {cell: padded for block in blocks for padded in [padded_to(block)] for cell in block}
-
-
-def padded_to(cells: list[Cell]) -> Padded:
-    """A shape that some cells fit into."""
-    sets = [read_actions(cell) for cell in cells]
-    shortest = min(int(actions.durations.min()) for actions in sets)
-    decisions = -(-cells[0].settings.n_steps // shortest)
-    n_inputs = max(map(n_inputs_of, cells))
-    return Padded(
-        n_actions=max(len(actions.durations) for actions in sets),
-        n_inputs=-(-n_inputs // INPUTS_AT_A_TIME) * INPUTS_AT_A_TIME,
-        capacity=max(LEAST_CAPACITY, 1 << (decisions - 1).bit_length()),
-    )
-
-
-def n_inputs_of(cell: Cell) -> int:
-    """The number of inputs that a cell learns with."""
-    return int(read_selection(cell).sum())
-
-
-def problem_of(cell: Cell, padded: Padded) -> Problem:
+def problem_of(cell: Cell, shape: Shape) -> Problem:
     """What a cell learns, its actions and inputs padded."""
     actions = read_actions(cell)
-    missing = padded.n_actions - len(actions.durations)
+    missing = shape.n_actions - len(actions.durations)
     actions = jax.tree.map(lambda leaf: np.pad(leaf, [(0, missing)] + [(0, 0)] * (leaf.ndim - 1)), actions)
-    inputs = input_set(read_selection(cell), padded.n_inputs)
+    inputs = input_set(read_selection(cell), shape.n_inputs)
     task = task_of(cell)
     problem = Problem(task, cell.settings.learner, task.source_domains(cell.settings.source), actions, inputs)
     qlearning.check_problem(problem)
@@ -163,7 +116,7 @@ def key_of_cell(cell: Cell) -> jax.Array:
     return key(key_of(cell, "learning"), f"{cell.settings.what} {cell.settings.condition}")
 
 
-def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Padded], lanes: int) -> list[dict[Cell, Learning]]:
+def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Shape], lanes: int) -> list[dict[Cell, Learning]]:
     """Cells of one shape that have done equally many of as many episodes, at most `lanes` together."""
     alike: dict[tuple, list[Cell]] = {}
     for cell, begun in started.items():
@@ -172,16 +125,16 @@ def _blocks(started: dict[Cell, Learning], shapes: dict[Cell, Padded], lanes: in
     return [{cell: started[cell] for cell in group} for group in groups]
 
 
-def _begin(cell: Cell, padded: Padded) -> Learning:
-    state = qlearning.init(key_of_cell(cell), problem_of(cell, padded), padded.capacity)
+def _begin(cell: Cell, shape: Shape) -> Learning:
+    state = qlearning.init(key_of_cell(cell), problem_of(cell, shape), shape.capacity)
     return Output(cell, LEARN_CELL).restored(CHECKPOINT, partial(learning.restored, state)) or learning.begin(state)
 
 
-def _learn_block(begun: dict[Cell, Learning], padded: Padded, report: Callable[[list[Cell], int], None]) -> list[str]:
+def _learn_block(begun: dict[Cell, Learning], shape: Shape, report: Callable[[list[Cell], int], None]) -> list[str]:
     """Learn in a block of cells, side by side, to their ends; a line for each that diverged, others go on."""
     cells = list(begun)
     settings = cells[0].settings
-    problems = [problem_of(cell, padded) for cell in cells]
+    problems = [problem_of(cell, shape) for cell in cells]
     # A block that is not full repeats its last cell: results then do not depend on how cells fall into blocks.
     places = [min(i, len(cells) - 1) for i in range(settings.lanes)]
 
