@@ -175,8 +175,8 @@ def test_blocks_do_not_change_results():
     parts = task, network, DISTANCES["hamming"].recorder, task.source_domains("A")
     function = jax.jit(lambda genomes, keys: evaluation.evaluate(*parts, genomes, keys))
     assert_same(
-        evaluation.in_blocks(function, 1, genomes, keys, block=3),
-        evaluation.in_blocks(function, 2, genomes, keys, block=5),
+        evaluation.in_blocks(function, 1, 3, genomes, keys),
+        evaluation.in_blocks(function, 2, 5, genomes, keys),
     )
 
 

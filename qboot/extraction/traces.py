@@ -40,23 +40,24 @@ def traces(
     chex.assert_tree_shape_prefix(lineage, lineage.ids.shape)
     found: dict[int, list[Trace]] = {}
     scores = np.zeros(len(lineage.ids), np.float32)
-    for room, block in _blocks(lineage.rooms):
-        some = lineage.take(np.resize(block, min(BLOCK, len(lineage.ids))))  # one compiled program for each room
-        flow = evaluate_individuals(problem, FLOW, some, some.births, room)
+    size = min(BLOCK, problem.settings.population)
+    for room, block in _blocks(lineage.rooms, size):
+        some = lineage.take(block)
+        flow = evaluate_individuals(problem, FLOW, some, some.births, room, size)
         observations, commands = flow.descriptors
         for row, policy in enumerate(block):
             found[policy] = [
                 jax.tree.map(np.copy, Trace(observations[row, rollout, :length], commands[row, rollout, :length]))
                 for rollout, length in enumerate(flow.steps[row])
             ]
-        scores[block] = flow.scores[: len(block)].sum(axis=1)
+        scores[block] = flow.scores.sum(axis=1)
         progress(len(found))
     return [trace for policy in sorted(found) for trace in found[policy]], scores
 
 
-def _blocks(rooms: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-    """Policies of one room, BLOCK at most at a time, of `rooms` (n,)."""
+def _blocks(rooms: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Policies of one room, `size` at most at a time, of `rooms` (n,)."""
     for room in np.unique(rooms):
         policies = np.flatnonzero(rooms == room)
-        for start in range(0, len(policies), BLOCK):
-            yield int(room), policies[start : start + BLOCK]
+        for start in range(0, len(policies), size):
+            yield int(room), policies[start : start + size]

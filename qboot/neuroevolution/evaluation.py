@@ -198,19 +198,23 @@ def evaluate_all(
     keys: jax.Array,
     workers: int,
     room: int | None = None,
+    block: int | None = None,
 ) -> Evaluation:
     """`evaluate` with no more room for hidden neurons than needed, in blocks spread over threads; NumPy arrays.
 
-    All but the last two arguments are those of `evaluate`. `workers` is the number of threads, which changes nothing;
-    `room` the number of hidden neurons, which changes how the last bit is rounded: None is the least that all fit into.
+    All but the last three arguments are those of `evaluate`. `workers` is the number of threads, which changes nothing;
+    `room` the number of hidden neurons, which changes how the last bit is rounded: None is the least that all fit into;
+    `block` the controllers of each call, another number of which is another program: None is B, or `BLOCK` if that is
+    less.
     """
     settings = replace(settings, max_hidden=dnn.least_room(genomes, settings) if room is None else room)
     function = partial(evaluate, task, settings, recorder, domains)
-    return in_blocks(function, workers, dnn.cropped(genomes, settings), keys)
+    block = min(BLOCK, len(keys)) if block is None else block
+    return in_blocks(function, workers, block, dnn.cropped(genomes, settings), keys)
 
 
-def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
-    """Call a compiled `function` on blocks of the leading axis of `batched`, spread over threads.
+def in_blocks(function: Callable, workers: int, block: int, *batched):
+    """Call a compiled `function` on `block` rows at a time of the leading axis of `batched`, spread over threads.
 
     A result does not depend on the number of workers. The last block is filled up with repetitions, so that one
     compiled program serves all.
@@ -219,7 +223,6 @@ def in_blocks(function: Callable, workers: int, *batched, block: int = BLOCK):
         The results, as NumPy arrays, joined along the leading axis.
     """
     n = len(jax.tree.leaves(batched)[0])
-    block = min(block, n)
 
     def call(start: int):
         index = np.minimum(np.arange(start, start + block), n - 1)

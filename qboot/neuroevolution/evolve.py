@@ -15,7 +15,7 @@ from qboot.keys import key, keys
 from qboot.neuroevolution import dnn, nsga2, variation
 from qboot.neuroevolution.distances import DISTANCES
 from qboot.neuroevolution.dnn import Genome
-from qboot.neuroevolution.evaluation import Evaluation, expand
+from qboot.neuroevolution.evaluation import BLOCK, Evaluation, expand, in_blocks
 from qboot.neuroevolution.lineage import NO_PARENT, Individuals, ancestors, best_of, lineage
 from qboot.neuroevolution.problem import EvolveInfo, Problem, evaluate_individuals
 
@@ -66,7 +66,7 @@ def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, Ev
         genomes = jax.device_get(_random_genomes(first_keys, problem.dnn))
     else:
         parents = jax.tree.map(lambda leaf: np.asarray(leaf)[ids % len(leaf)], front)
-        mutants, _ = jax.device_get(_mutants(first_keys, parents, problem.dnn, problem.settings.rates))
+        mutants, _ = _mutated(problem, first_keys, parents)
         is_front = ids < len(front.weights)
         genomes = jax.tree.map(lambda a, b: np.where(expand(is_front, a), a, b), parents, mutants)
     newborn = _unborn(genomes, ids, np.full(n, NO_PARENT), 0)
@@ -85,9 +85,7 @@ def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]
     tournament_key = jax.random.fold_in(key(problem.key, "tournament"), generation)
     chosen = jax.device_get(_tournament(tournament_key, state.ranks, state.crowding, n))
     parents = state.population.take(chosen)
-    genomes, refused = jax.device_get(
-        _mutants(keys(problem.key, "mutation", ids), parents.genomes, problem.dnn, problem.settings.rates)
-    )
+    genomes, refused = _mutated(problem, keys(problem.key, "mutation", ids), parents.genomes)
     children = _unborn(genomes, ids, parents.ids, generation)
     is_new_distance = diversity_in_force(problem, generation) != diversity_in_force(problem, state.generation)
     # A new distance, or more room, is another program, which describes the survivors anew: what is compared comes from
@@ -172,7 +170,18 @@ def _evaluated(
 
 def _evaluate(problem: Problem, some: Individuals, generation: int, room: int) -> Evaluation:
     recorder = DISTANCES[diversity_in_force(problem, generation)].recorder
-    return evaluate_individuals(problem, recorder, some, generation, room)
+    return evaluate_individuals(problem, recorder, some, generation, room, min(BLOCK, problem.settings.population))
+
+
+def _mutated(problem: Problem, mutation_keys: jax.Array, genomes: Genome) -> tuple[Genome, np.ndarray]:
+    """Mutants of genomes (n, ...), and how many mutations of each were refused; a population's worth in each call, for
+    another number is another program.
+    """
+
+    def mutants(some_keys: jax.Array, some: Genome) -> tuple[Genome, jax.Array]:
+        return _mutants(some_keys, some, problem.dnn, problem.settings.rates)
+
+    return in_blocks(mutants, 1, problem.settings.population, mutation_keys, genomes)
 
 
 @partial(jax.jit, static_argnums=1)

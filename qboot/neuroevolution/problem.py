@@ -73,15 +73,16 @@ def evaluate_individuals(
     individuals: Individuals,
     generation: int | np.ndarray,
     room: int | None = None,
+    block: int | None = None,
 ) -> Evaluation:
     """Evaluate B individuals, one episode each, from the starts that `generation`, or each one's (B,), gives them.
 
     Doing so again, in the same `room` for hidden neurons, gives the same to the bit; None is the least room that they
-    fit into. Returns NumPy arrays.
+    fit into. `block` is that of `evaluate_all`. Returns NumPy arrays.
     """
     keys = evaluation_keys(problem, individuals, generation)
     return evaluation.evaluate_all(
-        problem.task, problem.dnn, recorder, problem.domains, individuals.genomes, keys, problem.workers, room
+        problem.task, problem.dnn, recorder, problem.domains, individuals.genomes, keys, problem.workers, room, block
     )
 
 
