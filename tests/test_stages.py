@@ -9,10 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import tiny_settings
+from toy_tasks import CELLS, RANDOM, corridor
 
-from qboot import qlearning
+from qboot import envs, qlearning
 from qboot.cli import main
-from qboot.study.pipeline import extracting, learning, loop
+from qboot.envs import registry
+from qboot.study.analysis.curves import Curve, to_the_end
+from qboot.study.analysis.statistics import on_grid
+from qboot.study.pipeline import evolving, extracting, learning, loop, profiles
 from qboot.study.pipeline.table import STAGES, stage
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_actions, read_lineage
@@ -194,6 +198,40 @@ def test_exploration_in_new_domains_goes_on_from_where_it_was(tiny_run, tmp_path
     stage("transfer").do(run)
     assert [int(state.episode) for state in begun] == [run.settings.episodes]
     assert digests(run.folder) == digests(tiny_run.folder)
+
+
+@pytest.fixture(params=["stays", "may be lost"])
+def corridor_run(request, tmp_path, monkeypatch):
+    """A run of a robot that finds the goals of both domains within some generations."""
+    monkeypatch.setattr(registry, "_registered", {})
+    envs.register(corridor((CELLS - 1, RANDOM), (0, RANDOM), max_steps=20))
+    settings = profiles.settings_of("corridor", "smoke", "A", 0)
+    changed = replace(settings.evolution, population=16, reevaluate=request.param != "stays")
+    return runs.create(tmp_path / "A-0", replace(settings, evolution=changed, target_generations=30))
+
+
+def test_evolution_on_the_target_set_ends_with_the_top_score_where_it_stays(corridor_run):
+    settings, domains = corridor_run.settings, envs.get_task("corridor").target_domains("A")
+    problem = evolving.problem_on(corridor_run, domains, "target_er", workers=1)
+    output = Output(corridor_run, stage("transfer").recipe)
+    evolving.evolved(output, problem, 30, "target_er", "target_er.csv", until_top=True)
+    evolving.evolved(output, problem, 30, "target_er_transfer", "target_er_transfer.csv")
+    short, whole = (
+        np.array([files.read_csv(corridor_run.file(f"{part}.csv"))[name] for name in ("episodes", "best")], float)
+        for part in ("target_er", "target_er_transfer")
+    )
+    n = short.shape[1]
+    np.testing.assert_array_equal(whole[:, :n], short)
+    (episodes, best), top = whole, 2
+    assert len(best) == 31 and best.max() == top
+    if settings.evolution.reevaluate:
+        assert n == 31
+        return
+    assert 1 < n < 31 and (best[: n - 1] < top).all() and (best[n - 1 :] == top).all()
+    # Its curve goes on level to where it would have ended.
+    curve = to_the_end(corridor_run, Curve(*short))
+    np.testing.assert_array_equal(on_grid(*curve, episodes), best)
+    assert curve.episodes[-1] == episodes[-1]
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):

@@ -42,6 +42,9 @@ class Algorithm(NamedTuple):
     restored: Callable[[Problem, Any], State]
     """(problem, saved) -> the state, to the bit."""
 
+    keeps_best: bool
+    """Whether the best score in the population never falls, where nobody is evaluated again."""
+
 
 def _strategy(name: str) -> Algorithm:
     return Algorithm(
@@ -52,6 +55,7 @@ def _strategy(name: str) -> Algorithm:
         saved=strategies.SearchState,
         condensed=strategies.condensed,
         restored=strategies.restored,
+        keeps_best=False,
     )
 
 
@@ -64,6 +68,7 @@ ALGORITHMS = {
         saved=evolve.SavedState,
         condensed=evolve.condensed,
         restored=evolve.restored,
+        keeps_best=True,  # no one dominates the best, and crowding spares the ends of a front
     ),
     "cma_es": _strategy("cma_es"),
     "open_es": _strategy("open_es"),

@@ -30,6 +30,11 @@ class EvolutionSettings:
     """Evaluate survivors again in every generation, all on the same starts as the newborn. For tasks that start at
     random: an individual that was lucky once does not stay for its luck. It doubles the episodes."""
 
+    @property
+    def keeps_best(self) -> bool:
+        """Whether the best score of the population never falls."""
+        return ALGORITHMS[self.algorithm].keeps_best and not self.reevaluate
+
     def __post_init__(self):
         """Refuse values outside their range."""
         if self.algorithm not in ALGORITHMS:

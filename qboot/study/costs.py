@@ -5,6 +5,7 @@ Evolution costs the same for every step of every rollout, whoever is in it. Q-le
 robot, and so much for each update, after a decision or in the replay, by the size of the networks.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,7 +58,7 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
     source = n_rollouts(task, task.source_domains(run.source))
     target = n_rollouts(task, task.target_domains(run.source))
 
-    def generations(n: int, n_rollouts: int) -> float:
+    def generations(n: float, n_rollouts: int) -> float:
         episodes = evolution.population * (2 + n * (2 if evolution.reevaluate else 1))
         programs = min(len(evolution.diversities), 1 + n // evolution.diversity_period)
         steps = episodes * n_rollouts * run.n_steps * costs.lived_evolving
@@ -79,9 +80,24 @@ def _of_stage(run: RunSettings, step: str, costs: Costs) -> dict[str, float]:
     without_learning = costs.compile_evolution + costs.compile_learning
     return {
         "target_learn": costs.start + without_learning + episodes(run.target_episodes, target),
-        "target_er": generations(run.target_generations, target),
-        "target_er_transfer": generations(run.target_generations, target),
+        "target_er": generations(until_top(run, "ER"), target),
+        "target_er_transfer": generations(until_top(run, "ER+transfer"), target),
     }
+
+
+def until_top(run: RunSettings, method: str) -> float:
+    """Generations on the target set to expect of "ER" or "ER+transfer", which end with the top score where that stays.
+
+    By the quartiles over the paper's runs, at most: each quarter of the runs takes as long as its slowest.
+    """
+    limit, task = run.target_generations, get_task(run.task)
+    results = task.paper().results if task.paper and run.evolution.keeps_best else ()
+    printed = {result.measure: result for result in results}.get(f"{method} episodes to the top score, target")
+    if printed is None or None in (printed.lower, printed.value, printed.upper):
+        return limit
+    population = run.evolution.population
+    quarters = [max(0.0, episodes / population - 2) for episodes in (printed.lower, printed.value, printed.upper)]
+    return sum(min(limit, generation) for generation in (*quarters, math.inf)) / 4
 
 
 def _of_control(job: Job, costs: Costs) -> dict[str, float]:

@@ -50,7 +50,21 @@ def target_curve(run: Run[RunSettings], method: str) -> Curve:
     rows = methods == method
     if not rows.any():
         raise RunError(f"{run.file('transfer.csv')} has no rows of {method}: delete it and run transfer again")
-    return Curve(episodes[rows], scores[rows])
+    curve = Curve(episodes[rows], scores[rows])
+    return curve if method == "QL" else to_the_end(run, curve)
+
+
+def to_the_end(run: Run[RunSettings], curve: Curve) -> Curve:
+    """The curve of an evolution on the target set, level from where it had the top score for good and was over, to the
+    last of the generations that it was given; others as they are.
+    """
+    settings = run.settings
+    missing = settings.target_generations + 1 - len(curve.scores)
+    has_top = curve.scores[-1:].max(initial=0.0) >= top_score(run, "target")
+    if missing <= 0 or not has_top or not settings.evolution.keeps_best:
+        return curve
+    end = curve.episodes[-1] + missing * settings.evolution.population
+    return Curve(np.append(curve.episodes, end), np.append(curve.scores, curve.scores[-1]))
 
 
 def generalisation(run: Run[RunSettings], method: str) -> float:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.study.analysis.curves import METHODS, Curve, columns, target_curve
+from qboot.study.analysis.curves import METHODS, Curve, columns, target_curve, to_the_end
 from qboot.study.pipeline.transferring import PARTS
 from qboot.study.store import files
 from qboot.study.store.files import RunError
@@ -41,6 +41,8 @@ def curves_so_far(run: Run[RunSettings], which: str) -> dict[str, Curve]:
     if which == "target" and run.file("transfer.csv").exists():
         return {method: target_curve(run, method) for method in METHODS}
     found = {method: _so_far(run, place) for method, place in _PLACES[which].items()}
+    if which == "target":
+        found |= {method: to_the_end(run, curve) for method, curve in found.items() if method != "QL"}
     return {method: curve for method, curve in found.items() if len(curve.episodes)}
 
 

@@ -60,8 +60,13 @@ def evolved(
     name: str,
     history_name: str,
     front: Genome | None = None,
+    until_top: bool = False,
 ) -> State:
-    """The end of an evolution of `generations`, checkpointed under `name`; its history is written when it is over."""
+    """The end of an evolution of `generations`, checkpointed under `name`; its history is written when it is over.
+
+    With `until_top` it is over, too, when it has the top score and cannot lose it: only the history counts, and that
+    would go on level.
+    """
     checkpoint = f"{name}.checkpoint.npz"
     algorithm = algorithm_of(problem)
     start = output.restored(checkpoint, partial(_restored, problem))
@@ -70,19 +75,23 @@ def evolved(
         start = Evolving(state, {field: [value] for field, value in info._asdict().items()})
     top = problem.task.max_score_per_domain * len(jax.tree.leaves(problem.domains)[0])
 
+    def done(evolving: Evolving) -> int:
+        is_over = until_top and problem.settings.keeps_best and evolving.history["best"][-1] >= top
+        return generations if is_over else evolving.state.generation
+
     def step(evolving: Evolving) -> Evolving:
         state, info = algorithm.step(problem, evolving.state)
         # A new history, not a longer one: what an interrupt saves is all of one generation.
         return Evolving(state, {field: [*evolving.history[field], value] for field, value in info._asdict().items()})
 
-    with Progress(f"{name} {output.run.label}", "generation", generations, start.state.generation) as progress:
+    with Progress(f"{name} {output.run.label}", "generation", generations, done(start)) as progress:
         work = Work(
             total=generations,
-            done=lambda evolving: evolving.state.generation,
+            done=done,
             step=step,
             save=lambda evolving: output.save(checkpoint, _saved(problem, evolving)),
             report=lambda evolving: progress.update(
-                evolving.state.generation,
+                done(evolving),
                 best=evolving.history["best"][-1],
                 median=evolving.history["median"][-1],
                 of=top,

@@ -54,7 +54,7 @@ def transfer_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
         if method != "QL" and not output.has(f"{name}.csv"):
             front = read_individuals(run, "pareto.npz").genomes if method == "ER+transfer" else None
             problem = problem_on(run, domains, name, workers)
-            evolved(output, problem, run.settings.target_generations, name, f"{name}.csv", front)
+            evolved(output, problem, run.settings.target_generations, name, f"{name}.csv", front, until_top=True)
     rows: dict[str, list] = {"method": [], "episodes": [], "score": []}
     for method, (name, episodes_column, score_column) in PARTS.items():
         columns = read_columns(run, f"{name}.csv")
