@@ -126,8 +126,10 @@ def test_survivors_face_the_starts_of_their_generation():
         assert info.episodes == 12 + 12 * generation
         keys = evaluation_keys(pushing, state.population, generation)
         assert len(np.unique(jax.random.key_data(keys), axis=0)) == 1
-        again = evaluation.evaluate(
-            robot, pushing.dnn, DISTANCES["adhoc"].recorder, pushing.domains, state.population.genomes, keys
+        recorder = DISTANCES[evolve.diversity_in_force(pushing, generation)].recorder
+        genomes = state.population.genomes
+        again = evaluation.evaluate_all(
+            robot, pushing.dnn, recorder, pushing.domains, genomes, keys, workers=1, room=state.room
         )
         np.testing.assert_array_equal(again.scores.sum(axis=1), state.population.scores)
         for place, identity in enumerate(state.archive.ids.tolist()):
@@ -246,7 +248,7 @@ def test_a_lineage_is_played_again_in_the_rooms_of_its_births():
     """To the bit what each network does alone in its room, in the order of the lineage."""
     run_problem = problem()
     state, _ = run(run_problem, 2)
-    line = state.population._replace(rooms=np.array([4, 20, 4, 8, 20, 20]))
+    line = state.population._replace(rooms=np.array([4, 20, 4, 4, 20, 20]))
     flow, scores = traces(run_problem, line)
     for policy in range(6):
         one = line.take(slice(policy, policy + 1))

@@ -46,21 +46,25 @@ def test_the_optimal_values_of_a_corridor_are_learned(name):
     settings = replace(SETTINGS, algorithm=name, epsilon_start=0.5, epsilon_end=0.5, **changed)
     # From every cell, so that those who learn from the best trajectories of each domain see them all.
     problem_ = problem(corridor(*((GOAL, start) for start in range(GOAL)), max_steps=20), settings)
-    state, _ = learn(init(jax.random.key(0), problem_), problem_, n_episodes)
+    state, info = learn(init(jax.random.key(0), problem_), problem_, n_episodes)
     expected = corridor_optimal_values(SLOPES, INTERCEPTS, DURATIONS, settings.gamma, goal=GOAL)[:-1]
     inputs = jnp.pad(jnp.eye(CELLS), ((0, 0), (0, 1)))[:-1]
     values = np.asarray(jax.vmap(LEARNERS[name].values, (None, 0))(state.networks, inputs))
     np.testing.assert_allclose(values, expected, atol=0.06 * REWARD)
+    where = np.arange(GOAL)
+    np.testing.assert_allclose(expected[where, values.argmax(axis=1)], expected.max(axis=1))
+    assert float(info.td_error[-1]) < 0.1 * float(info.td_error[0])
 
 
 @pytest.mark.parametrize("name", OTHERS_SLOW)
 def test_learning_in_two_parts_is_learning_at_once(name):
     problem_ = problem(corridor((GOAL, RANDOM), (0, RANDOM)), replace(SETTINGS, algorithm=name))
     first = init(jax.random.key(5), problem_)
-    half, _ = learn(first, problem_, 3)
-    parts, _ = learn(half, problem_, 3)
-    whole, _ = learn(first, problem_, 6)
+    half, info_1 = learn(first, problem_, 3)
+    parts, info_2 = learn(half, problem_, 3)
+    whole, info = learn(first, problem_, 6)
     assert_same(parts, whole)
+    assert_same(jax.tree.map(lambda a, b: jnp.concatenate([a, b]), info_1, info_2), info)
 
 
 @pytest.mark.parametrize("name", OTHERS_SLOW)

@@ -1,4 +1,4 @@
-"""The Q-learner as a whole: resuming, padding, batching, and tasks with known optimal values."""
+"""The Q-learner as a whole: ends of rollouts, replay, batching. What all learners have in common: test_learners.py."""
 
 import os
 import subprocess
@@ -12,15 +12,11 @@ import pytest
 from toy_tasks import (
     CELLS,
     DURATIONS,
-    INTERCEPTS,
     RANDOM,
-    REWARD,
     SETTINGS,
-    SLOPES,
     action_set,
     assert_same,
     corridor,
-    corridor_optimal_values,
     problem,
     salary,
 )
@@ -62,21 +58,6 @@ def test_without_eta_nothing_is_replayed():
     assert state.store.discounted_return.shape == (1, 0)
 
 
-def test_the_optimal_values_of_a_corridor_are_learned():
-    task = corridor((CELLS - 1, RANDOM))
-    settings = replace(SETTINGS, epsilon_start=0.5, epsilon_end=0.5)
-    problem_ = problem(task, settings)
-    state, info = learn(init(jax.random.key(0), problem_), problem_, 4000)
-    expected = corridor_optimal_values(SLOPES, INTERCEPTS, DURATIONS, settings.gamma, goal=CELLS - 1)
-    inputs = jnp.pad(jnp.eye(CELLS), ((0, 0), (0, 1)))
-    values = jax.vmap(q_values, (None, 0))(state.networks, inputs)
-    np.testing.assert_allclose(values[:-1], expected[:-1], atol=0.04 * REWARD)
-    assert float(info.td_error[-1]) < 0.1 < float(info.td_error[0])
-    for where in range(CELLS - 1):
-        chosen = int(jnp.argmax(values[where]))
-        np.testing.assert_allclose(expected[where, chosen], expected[where].max())
-
-
 def test_no_domain_is_forgotten():
     """The far goal's returns are always smaller than the near goal's, and still have their places."""
     task = corridor((CELLS - 1, CELLS - 2), (0, CELLS - 2), rollouts_per_domain=2)
@@ -87,32 +68,6 @@ def test_no_domain_is_forgotten():
     key = jax.random.key(7)
     np.testing.assert_array_equal(evaluate(state.networks, key, problem_), [2, 2])
     np.testing.assert_array_equal(info.score[-50:].max(axis=0), [2, 2])
-
-
-def test_learning_in_two_parts_is_learning_at_once():
-    problem_ = problem(corridor((CELLS - 1, RANDOM), (0, RANDOM)))
-    first = init(jax.random.key(5), problem_)
-    half, info_1 = learn(first, problem_, 5)
-    parts, info_2 = learn(half, problem_, 5)
-    whole, info = learn(first, problem_, 10)
-    assert_same(parts, whole)
-    assert_same(jax.tree.map(lambda a, b: jnp.concatenate([a, b]), info_1, info_2), info)
-
-
-def test_padding_changes_nothing():
-    task = corridor((CELLS - 1, RANDOM), (0, RANDOM))
-    small, large = problem(task), problem(task, padding=3, n_inputs=20)
-    key = jax.random.key(2)
-    state, info = learn(init(key, small), small, 20)
-    padded_state, padded_info = learn(init(key, large), large, 20)
-    assert_same(info, padded_info, rtol=1e-4)
-    n_inputs = state.networks.hidden_weights.shape[2]
-    assert_same(
-        state.networks.hidden_weights,
-        padded_state.networks.hidden_weights[:4, :, :n_inputs],
-        rtol=1e-4,
-        atol=1e-6,
-    )
 
 
 def test_batched_learners_learn_what_single_ones_do():
