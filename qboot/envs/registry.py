@@ -37,7 +37,7 @@ def register(task: Task) -> Task:
 
 def names() -> list[str]:
     """Names of all tasks known: built in, registered in this process, brought by installed packages."""
-    return list(dict.fromkeys([*BUILT_IN, *_registered, *(point.name for point in _entry_points())]))
+    return list(dict.fromkeys([*BUILT_IN, *_registered, *_entry_points()]))
 
 
 def get_task(name: str, physics: str | None = None) -> Task:
@@ -67,8 +67,8 @@ def canonical(name: str) -> str:
 def _found(name: str) -> Task:
     if name in _registered:
         return _registered[name]
-    entry_points = {point.name: point.value for point in _entry_points()}
-    where = BUILT_IN.get(name) or entry_points.get(name) or name
+    # Every file of a study asks for its task; to look through the installed packages takes milliseconds.
+    where = BUILT_IN.get(name) or (name if ":" in name else _entry_points().get(name, name))
     place, colon, attribute = where.rpartition(":")
     if not colon:
         raise ValueError(
@@ -108,5 +108,6 @@ def _module(name: str, place: str) -> ModuleType:
         raise ValueError(f"{name}: cannot import {place}: {error}") from None
 
 
-def _entry_points() -> tuple[metadata.EntryPoint, ...]:
-    return tuple(metadata.entry_points(group=ENTRY_POINTS))
+def _entry_points() -> dict[str, str]:
+    """Where the tasks of installed packages are, by name."""
+    return {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
