@@ -123,6 +123,14 @@ def test_one_by_one_the_shape_of_a_cell_does_not_depend_on_other_cells(tiny_stud
         assert found[cell] == shapes.shapes_of([cell])[cell]
 
 
+def test_who_pays_for_room_does_not_share(tiny_study):
+    [cell, *_] = folders.find(tiny_study, "ball_collecting", "sensors")["random"]
+    fitted = replace(cell.settings.learner, algorithm="fitted_q")
+    assert shapes.shape_of(replace(cell, settings=replace(cell.settings, learner=fitted))) == shapes.shape_of(
+        long(cell)
+    )
+
+
 def test_the_largest_shape_has_room_for_every_cell(tiny_study):
     for what in WHATS:
         for some in folders.find(tiny_study, "ball_collecting", what).values():

@@ -36,6 +36,9 @@ class Learner(NamedTuple):
     """(networks, key, store, action_mask (A,), alpha) -> networks, sum () of |error|, number () of updates; after
     every episode, see `replay.replay_best`."""
 
+    replays_room: bool = False
+    """Whether a replay costs what the store has room for, not what it holds."""
+
 
 LEARNERS = {
     "q_learning": Learner(init_networks, q_values, td_update, partial(replay_best, td_update)),
@@ -46,5 +49,5 @@ LEARNERS = {
     "one_network": Learner(
         one_network.init, one_network.values, one_network.update, partial(replay_best, one_network.update)
     ),
-    "fitted_q": Learner(init_networks, q_values, fitted_q.update, fitted_q.fit),
+    "fitted_q": Learner(init_networks, q_values, fitted_q.update, fitted_q.fit, replays_room=True),
 }

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from qboot.envs.task import Task
 from qboot.extraction.actions import ActionSettings
+from qboot.qlearning.learners import LEARNERS
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.controls.cells import Cell
 from qboot.study.controls.conditions import LAGS
@@ -80,6 +81,8 @@ def costs_little(task: Task, episode: Episode, n_episodes: int, shape: Shape) ->
 
     By the task's usual costs, not this machine's: a shape rounds results, which must not depend on machines.
     """
+    if LEARNERS[episode.settings.algorithm].replays_room:
+        return False
     costs = defaults_of(task).usual_costs
     return n_episodes * (padded(episode, shape).seconds(costs) - episode.seconds(costs)) < costs.compile_learning
 
