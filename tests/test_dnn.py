@@ -14,12 +14,18 @@ from qboot.neuroevolution.variation import MutationRates
 SMALL = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12)
 SMALL_FEED_FORWARD = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=12, feed_forward=True)
 OFTEN = MutationRates(0.5, 0.6, 0.6, 0.4, 0.6, 0.3)
+# As they are used: each compiled as one.
+random_genome = jax.jit(dnn.random_genome, static_argnums=1)
+mutate = jax.jit(variation.mutate, static_argnums=(2, 3))
+add_connection, add_neuron, remove_neuron, rewire = (
+    jax.jit(operator, static_argnums=2)
+    for operator in (variation.add_connection, variation.add_neuron, variation.remove_neuron, variation.rewire)
+)
 
 
 def evolved(seed, network, n_mutations=25):
     """A genome after many mutations."""
-    mutate = jax.jit(variation.mutate, static_argnums=(2, 3))
-    genome = dnn.random_genome(jax.random.key(seed), network)
+    genome = random_genome(jax.random.key(seed), network)
     for i in range(n_mutations):
         genome, _ = mutate(jax.random.fold_in(jax.random.key(seed + 1000), i), genome, network, OFTEN)
     return genome
@@ -72,8 +78,7 @@ def test_padding_does_not_matter():
 
 def test_the_first_generation_does_not_depend_on_the_room_for_growth():
     small, large = (
-        dnn.random_genome(jax.random.key(0), DnnSettings(max_hidden=h, max_connections=c))
-        for h, c in ((20, 75), (40, 90))
+        random_genome(jax.random.key(0), DnnSettings(max_hidden=h, max_connections=c)) for h, c in ((20, 75), (40, 90))
     )
     np.testing.assert_array_equal(small.weights, large.weights[:75])
     np.testing.assert_array_equal(small.biases[:3], large.biases[:3])
@@ -106,8 +111,8 @@ def test_mutated_genomes_are_valid(network, seed):
 
 
 def test_splitting_a_connection_keeps_its_weight_on_both_halves():
-    before = dnn.random_genome(jax.random.key(0), SMALL)
-    after, refused = variation.add_neuron(jax.random.key(1), before, SMALL)
+    before = random_genome(jax.random.key(0), SMALL)
+    after, refused = add_neuron(jax.random.key(1), before, SMALL)
     assert not refused and int(after.hidden.sum()) == 1
     assert int(after.connected.sum()) == int(before.connected.sum()) + 1
     neuron = SMALL.n_inputs + SMALL.n_outputs
@@ -123,29 +128,29 @@ def test_splitting_a_connection_keeps_its_weight_on_both_halves():
 
 
 def test_removing_a_neuron_removes_its_connections():
-    with_neuron, _ = variation.add_neuron(jax.random.key(1), dnn.random_genome(jax.random.key(0), SMALL), SMALL)
-    without, _ = variation.remove_neuron(jax.random.key(2), with_neuron, SMALL)
+    with_neuron, _ = add_neuron(jax.random.key(1), random_genome(jax.random.key(0), SMALL), SMALL)
+    without, _ = remove_neuron(jax.random.key(2), with_neuron, SMALL)
     assert not without.hidden.any() and int(without.connected.sum()) == 5
-    untouched, _ = variation.remove_neuron(jax.random.key(3), without, SMALL)
+    untouched, _ = remove_neuron(jax.random.key(3), without, SMALL)
     np.testing.assert_array_equal(untouched.connected, without.connected)
 
 
 def test_a_full_genome_refuses_growth_and_says_so():
     full = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=1, max_connections=7)
-    genome = dnn.random_genome(jax.random.key(0), full)
-    genome, refused = variation.add_connection(jax.random.key(1), genome, full)
+    genome = random_genome(jax.random.key(0), full)
+    genome, refused = add_connection(jax.random.key(1), genome, full)
     assert not refused and genome.connected.all()
-    _, refused = variation.add_connection(jax.random.key(2), genome, full)
+    _, refused = add_connection(jax.random.key(2), genome, full)
     assert refused
-    _, refused = variation.add_neuron(jax.random.key(3), genome, full)
+    _, refused = add_neuron(jax.random.key(3), genome, full)
     assert refused
 
 
 def test_rewiring_changes_one_end():
-    before = dnn.random_genome(jax.random.key(0), DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8))
+    before = random_genome(jax.random.key(0), DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8))
     network = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=4, max_connections=8)
     for seed in range(20):
-        after, _ = variation.rewire(jax.random.key(seed), before, network)
+        after, _ = rewire(jax.random.key(seed), before, network)
         changed = np.asarray((before.sources != after.sources) | (before.targets != after.targets))
         assert changed.sum() <= 1
         np.testing.assert_array_equal(before.weights, after.weights)
@@ -153,32 +158,32 @@ def test_rewiring_changes_one_end():
 
 def test_polynomial_mutation_has_its_published_distribution():
     # For a value far from both bounds, |change| / range has the cumulative distribution 1 - (1 - d)^(eta + 1).
-    draws = variation.polynomial(jax.random.key(0), jnp.zeros(40_000), 5.0, 15.0)
+    polynomial = jax.jit(variation.polynomial, static_argnums=(2, 3))
+    draws = polynomial(jax.random.key(0), jnp.zeros(40_000), 5.0, 15.0)
     for share in (0.02, 0.05, 0.1):
         expected = 1 - (1 - share) ** 16
         assert abs(float(jnp.mean(jnp.abs(draws) / 10 <= share)) - expected) < 0.01
-    edge = variation.polynomial(jax.random.key(1), jnp.full(1000, 5.0), 5.0, 15.0)
+    edge = polynomial(jax.random.key(1), jnp.full(1000, 5.0), 5.0, 15.0)
     assert float(edge.max()) <= 5.0 and float(edge.min()) >= -5.0
 
 
 def test_rates_are_met():
-    genome = dnn.random_genome(jax.random.key(0), DnnSettings())
+    genome = random_genome(jax.random.key(0), DnnSettings())
     keys = jax.random.split(jax.random.key(1), 3000)
-    mutate = jax.jit(jax.vmap(lambda key: variation.mutate(key, genome, DnnSettings(), MutationRates())[0]))
-    mutants = mutate(keys)
+    mutants = jax.jit(jax.vmap(lambda key: variation.mutate(key, genome, DnnSettings(), MutationRates())[0]))(keys)
     assert abs(float(mutants.hidden.any(axis=1).mean()) - 0.088 * (1 - 0.098)) < 0.02
     changed = np.asarray(mutants.biases[:, :3] != genome.biases[:3])
     assert abs(changed.mean() - 0.1) < 0.02
 
 
-@pytest.mark.parametrize("operator", [variation.add_neuron, variation.remove_neuron])
+@pytest.mark.parametrize("operator", [add_neuron, remove_neuron])
 def test_without_room_for_hidden_neurons_none_comes_or_goes(operator):
     network = DnnSettings(n_inputs=3, n_outputs=2, max_hidden=0, max_connections=12)
-    before = dnn.random_genome(jax.random.key(0), network)
+    before = random_genome(jax.random.key(0), network)
     after, refused = operator(jax.random.key(1), before, network)
     jax.tree.map(np.testing.assert_array_equal, before, after)
-    assert bool(refused) == (operator is variation.add_neuron)
-    mutant, _ = variation.mutate(jax.random.key(2), before, network, OFTEN)
+    assert bool(refused) == (operator is add_neuron)
+    mutant, _ = mutate(jax.random.key(2), before, network, OFTEN)
     assert dnn.express(mutant, network).weights.shape == (2, 5)
 
 

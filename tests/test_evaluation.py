@@ -44,9 +44,18 @@ def one_step(task, network, domain, state, activities, summary):
     return task.step(domain, state, command), activities, summary, row
 
 
+@partial(jax.jit, static_argnums=0)
+def begin(task, network, domain, key):
+    return task.reset(key, domain), dnn.rest(network), EVERYTHING.start(task)
+
+
+finish = jax.jit(EVERYTHING.finish, static_argnums=0)
+express = jax.jit(dnn.express, static_argnums=1)
+
+
 def one_rollout(task, network, domain, key):
     """Descriptor, reward and steps of a rollout."""
-    state, activities, summary = task.reset(key, domain), dnn.rest(network), EVERYTHING.start(task)
+    state, activities, summary = begin(task, network, domain, key)
     nothing = jax.eval_shape(partial(one_step, task), network, domain, state, activities, summary)[3]
     nothing = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), nothing)
     rows, reward = [], np.float32(0)
@@ -56,15 +65,16 @@ def one_rollout(task, network, domain, key):
         reward += np.float32(state.reward)
     steps = len(rows)
     rows = jax.tree.map(lambda *leaves: np.stack(leaves), *rows, *[nothing] * (task.max_steps - steps))
-    return EVERYTHING.finish(task, domain, summary, rows, state), reward / task.reward, steps
+    return finish(task, domain, summary, rows, state), reward / task.reward, steps
 
 
 def assert_as_one_by_one(task, network, genomes, keys, n_lanes):
     domains = task.source_domains("A")
     found = evaluation.evaluate(task._replace(lanes=n_lanes), network, EVERYTHING, domains, genomes, keys)
     rollouts, n_rollouts = evaluation.rollouts_of(task, domains)
+    found, genomes, rollouts = jax.device_get((found, genomes, rollouts))
     for i in range(len(keys)):
-        expressed = dnn.express(jax.tree.map(lambda leaf, i=i: leaf[i], genomes), network)
+        expressed = express(jax.tree.map(lambda leaf, i=i: leaf[i], genomes), network)
         for j in range(n_rollouts):
             domain = jax.tree.map(lambda leaf, j=j: leaf[j], rollouts)
             expected = one_rollout(task, expressed, domain, jax.random.fold_in(keys[i], j))
@@ -75,8 +85,11 @@ def assert_as_one_by_one(task, network, genomes, keys, n_lanes):
             )
 
 
+first_genomes = jax.jit(jax.vmap(dnn.random_genome, in_axes=(0, None)), static_argnums=1)
+
+
 def random_genomes(n, network):
-    return jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(3), n), network)
+    return first_genomes(jax.random.split(jax.random.key(3), n), network)
 
 
 # One goal is far, one near, from a random start: rollouts of all lengths, 43 being no multiple of a chunk.
@@ -124,7 +137,7 @@ def chosen_by(mask, new, old):
 def networks_of_all_sizes(settings):
     """16 networks of 0 to 15 rounds of growth."""
     grow = jax.jit(jax.vmap(partial(mutate, settings=settings, rates=GROWING)))
-    genomes = jax.vmap(dnn.random_genome, in_axes=(0, None))(jax.random.split(jax.random.key(0), 16), settings)
+    genomes = first_genomes(jax.random.split(jax.random.key(0), 16), settings)
     for i in range(15):
         mutants, _ = grow(jax.random.split(jax.random.key(i + 1), 16), genomes)
         grows = np.arange(16) > i

@@ -89,8 +89,9 @@ def test_one_that_waits_does_not_change(name):
         jnp.ones(3), jnp.int32(1), DiscountedReward(jnp.float32(1), jnp.float32(0.9)), jnp.zeros(3), jnp.bool_(False)
     )
     mask = jnp.ones(4, bool)
-    assert_same(LEARNERS[name].update(networks, transition, mask, 0.1, jnp.bool_(False))[0], networks)
-    replayed, error_sum, n = LEARNERS[name].replay(networks, jax.random.key(1), empty_store(2, 3, 6, 3), mask, 0.1)
+    update, replay = jax.jit(LEARNERS[name].update), jax.jit(LEARNERS[name].replay)
+    assert_same(update(networks, transition, mask, 0.1, jnp.bool_(False))[0], networks)
+    replayed, error_sum, n = replay(networks, jax.random.key(1), empty_store(2, 3, 6, 3), mask, 0.1)
     assert_same(replayed, networks)
     assert (float(error_sum), int(n)) == (0.0, 0)
 

@@ -15,6 +15,8 @@ OBJECTIVES = st.sampled_from([(1, 2), (5, 1), (12, 2), (14, 3)]).flatmap(
 )
 select = jax.jit(nsga2.select, static_argnums=1)
 ranks_of = jax.jit(nsga2.non_dominated_rank)
+crowding_of = jax.jit(nsga2.crowding_distance)
+tournament = jax.jit(nsga2.tournament, static_argnums=3)
 
 
 def oracle_ranks(objectives):
@@ -71,14 +73,14 @@ def test_survivors_come_from_the_first_fronts(objectives, n):
     ],
 )
 def test_ranks_by_hand(objectives, expected):
-    assert nsga2.non_dominated_rank(np.array(objectives, float)).tolist() == expected
+    assert ranks_of(np.array(objectives, float)).tolist() == expected
 
 
 def test_crowding_is_that_of_the_oracle_in_each_front():
     random = np.random.default_rng(0)
     objectives = random.random((60, 2)).astype(np.float32)
     ranks = oracle_ranks(objectives)
-    crowding = np.asarray(nsga2.crowding_distance(objectives, ranks))
+    crowding = np.asarray(crowding_of(objectives, ranks))
     for rank in set(ranks):
         expected = oracle_crowding(objectives[ranks == rank])
         np.testing.assert_allclose(crowding[ranks == rank], expected, rtol=1e-5)
@@ -87,31 +89,31 @@ def test_crowding_is_that_of_the_oracle_in_each_front():
 def test_crowding_by_hand():
     # One front; the ends are infinite, the middle ones have sides 3/4 + 3/4 and 3/4 + 3/4, halved.
     objectives = np.array([[0, 4], [1, 3], [3, 1], [4, 0]], float)
-    assert nsga2.crowding_distance(objectives, np.zeros(4, int)).tolist() == [np.inf, 0.75, 0.75, np.inf]
+    assert crowding_of(objectives, np.zeros(4, int)).tolist() == [np.inf, 0.75, 0.75, np.inf]
 
 
 def test_crowding_does_not_depend_on_order_or_scale():
     random = np.random.default_rng(1)
     objectives = random.random((30, 2)).astype(np.float32)
-    ranks = np.asarray(nsga2.non_dominated_rank(objectives))
-    crowding = np.asarray(nsga2.crowding_distance(objectives, ranks))
+    ranks = np.asarray(ranks_of(objectives))
+    crowding = np.asarray(crowding_of(objectives, ranks))
     order = random.permutation(30)
-    np.testing.assert_allclose(nsga2.crowding_distance(objectives[order], ranks[order]), crowding[order], rtol=1e-6)
-    np.testing.assert_allclose(nsga2.crowding_distance(objectives * 8 + 2, ranks), crowding, rtol=1e-4)
+    np.testing.assert_allclose(crowding_of(objectives[order], ranks[order]), crowding[order], rtol=1e-6)
+    np.testing.assert_allclose(crowding_of(objectives * 8 + 2, ranks), crowding, rtol=1e-4)
 
 
 def test_the_last_front_is_cut_by_crowding():
     objectives = np.array([[5, 5], [0, 4], [1, 3], [1.1, 2.9], [4, 0]], float)
-    assert set(np.asarray(nsga2.select(objectives, 4)).tolist()) == {0, 1, 3, 4}
+    assert set(np.asarray(select(objectives, 4)).tolist()) == {0, 1, 3, 4}
 
 
 def test_tournament_prefers_rank_then_crowding_then_tosses_a_coin():
     ranks, crowding = np.array([1, 0, 0]), np.array([9.0, 1.0, 2.0])
-    winners = np.asarray(nsga2.tournament(jax.random.key(0), ranks, crowding, 6000))
+    winners = np.asarray(tournament(jax.random.key(0), ranks, crowding, 6000))
     share = np.bincount(winners, minlength=3) / 6000
     # The best of two drawn with replacement: worst, middle, best win 1/9, 3/9, 5/9 of the draws.
     np.testing.assert_allclose(share, [1 / 9, 3 / 9, 5 / 9], atol=0.03)
-    ties = np.asarray(nsga2.tournament(jax.random.key(1), np.zeros(2), np.ones(2), 4000))
+    ties = np.asarray(tournament(jax.random.key(1), np.zeros(2), np.ones(2), 4000))
     np.testing.assert_allclose(np.mean(ties), 0.5, atol=0.04)
 
 
