@@ -6,6 +6,7 @@ push the others out and the learner would forget them.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -42,6 +43,7 @@ def empty_trajectory(capacity: int, n_inputs: int) -> Trajectory:
     )
 
 
+@partial(jax.jit, static_argnames=("n_domains", "eta", "capacity", "n_inputs"))
 def empty_store(n_domains: int, eta: int, capacity: int, n_inputs: int) -> Trajectory:
     """Eta empty places for each domain."""
     trajectory = empty_trajectory(capacity, n_inputs)
