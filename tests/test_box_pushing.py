@@ -1,7 +1,6 @@
 """Box pushing: the rules, the two physics, and the recorded runs of the original arm."""
 
 import json
-import subprocess
 import sys
 from functools import partial
 from pathlib import Path
@@ -317,14 +316,15 @@ def test_blocks_shift_as_recorded():
     np.testing.assert_allclose(ours, recorded, atol=0.002)
 
 
-def test_parity_command_refuses_other_files(tmp_path):
+def test_parity_command_refuses_other_files(tmp_path, monkeypatch, capsys):
     wrong = tmp_path / "wrong.npz"
     np.savez(wrong, commands=np.zeros((1, 2, 3)))
     for file, message in ((tmp_path / "none.npz", "no .npz file"), (wrong, "lacks")):
-        command = [sys.executable, ROOT / "experiments" / "parity.py", "arm", file]
-        finished = subprocess.run(command, capture_output=True, text=True)
-        assert finished.returncode == 2 and finished.stdout == ""
-        assert message in finished.stderr and finished.stderr.count("\n") == 1
+        monkeypatch.setattr(sys, "argv", ["parity.py", "arm", str(file)])
+        with pytest.raises(SystemExit, match="2"):
+            parity.main()
+        said = capsys.readouterr()
+        assert message in said.err and said.err.count("\n") == 1 and said.out == ""
 
 
 def test_parity_command_prints_one_object(monkeypatch, capsys):
