@@ -17,7 +17,6 @@ from qboot.envs.box_pushing import domains as blocks
 from qboot.envs.box_pushing import dynamics as box_pushing
 from qboot.neuroevolution.dnn import DnnSettings, Genome
 
-ROOT = Path(__file__).parents[1]
 DATA = Path(__file__).parent / "data"
 PHYSICS = ("mjx", "kinematic")
 SMALL = blocks.block(1.0)
