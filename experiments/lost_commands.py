@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qboot.extraction.lost_commands import MIDDLE, Use, on_side, uses
+from qboot.extraction.lost_commands import MIDDLE, Use, is_on, on_side, uses
 from qboot.extraction.segmentation import LONG_SEGMENTS
 from qboot.study.analysis.curves import score_at_the_end, source_curve
 from qboot.study.pipeline.extracting import replayed, segments_of
@@ -56,8 +56,8 @@ def in_a_row(commands: list[np.ndarray], side: str) -> float:
     """Median number of steps for which commands stay on one side once they are there; 0 where they never are."""
     lengths = []
     for of_trace in commands:
-        is_there = of_trace < MIDDLE if side == "below" else of_trace >= MIDDLE
-        begins, ends = (np.flatnonzero(np.diff(np.pad(is_there.astype(int), 1)) == change) for change in (1, -1))
+        is_there = is_on(of_trace, side).astype(int)
+        begins, ends = (np.flatnonzero(np.diff(np.pad(is_there, 1)) == change) for change in (1, -1))
         lengths.append(ends - begins)
     found = np.concatenate(lengths)
     return float(np.median(found)) if len(found) else 0.0

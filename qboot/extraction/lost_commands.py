@@ -25,18 +25,22 @@ class Use(NamedTuple):
     of_actions: int  # number of actions that are there at their first or last step
 
 
+def is_on(commands: np.ndarray, side: str) -> np.ndarray:
+    """Which commands of one effector, in [0, 1] and of any shape, are on a side of it, bool of that shape."""
+    return commands < MIDDLE if side == "below" else commands >= MIDDLE
+
+
 def on_side(linear: ActionSet | Segments, effector: int, side: str) -> np.ndarray:
     """Which linear commands (n,) are on a side of an effector at their first or last step, (n,) bool."""
     first = np.asarray(linear.intercepts)[:, effector]
     last = first + np.asarray(linear.slopes)[:, effector] * (np.asarray(linear.durations) - 1)
-    return np.minimum(first, last) < MIDDLE if side == "below" else np.maximum(first, last) >= MIDDLE
+    return is_on(first, side) | is_on(last, side)
 
 
 def uses(commands: np.ndarray, actions: ActionSet, effectors: tuple[str, ...]) -> dict[tuple[str, str], Use]:
     """The use of each (effector, side); commands (T, E) in [0, 1]."""
-    below = (commands < MIDDLE).mean(axis=0)
     return {
-        (name, side): Use(float(below[i] if side == "below" else 1 - below[i]), int(on_side(actions, i, side).sum()))
+        (name, side): Use(float(is_on(commands[:, i], side).mean()), int(on_side(actions, i, side).sum()))
         for i, name in enumerate(effectors)
         for side in SIDES
     }
