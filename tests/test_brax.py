@@ -76,6 +76,7 @@ def test_every_domain_is_drawn_and_kept_through_a_rollout():
         ({"domain": first(ARM.source_domains("A")), "domains": "source"}, "either one domain or domains"),
         ({"domains": "elsewhere"}, "must be source or target"),
         ({"domains": "source", "source": "Z"}, "unknown source 'Z'"),
+        ({"domain": first(ARM.source_domains("A")), "source": "A"}, "source is 'A', but belongs to domains="),
         ({"domains": "source", "action_range": (1.0, 1.0)}, "low below high"),
     ],
 )

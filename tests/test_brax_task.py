@@ -84,6 +84,30 @@ def test_done_is_absorbing_and_earns_nothing():
     assert int(states.env.info["nested"]["count"][-1]) == end + 1
 
 
+class Fragile(Line):
+    """The line, on which a number beyond 0.5 is none: in the reward, or in what is observed."""
+
+    def __init__(self, broken):
+        self.broken = broken
+
+    def step(self, state, action):
+        after = super().step(state, action)
+        none = jnp.where(after.pipeline_state > 0.5, jnp.nan, 0.0)
+        return after.replace(**{self.broken: getattr(after, self.broken) + none})
+
+
+@pytest.mark.parametrize(
+    ("broken", "success"), [("reward", None), ("obs", None), ("obs", lambda state: state.pipeline_state > 0.5)]
+)
+def test_a_rollout_that_breaks_down_ends_where_it_was(broken, success):
+    task = from_brax(Fragile(broken), name="fragile", max_steps=30, observation_range=([-1, 0], 1), success=success)
+    _, states = play(task, np.ones(20))
+    end = int(np.argmax(np.asarray(states.done)))
+    assert 0 < end < 10 and states.done[end:].all() and not states.reward[end:].any()
+    assert np.isfinite(states.observation).all() and np.isfinite(states.reward).all()
+    assert 0.4 <= float(states.env.pipeline_state[-1]) <= 0.5
+
+
 def test_success_pays_once_and_ends_the_rollout():
     task = line(success=lambda state: state.pipeline_state < -0.5)
     _, states = play(task, np.zeros(20))
@@ -163,6 +187,12 @@ def test_dictionaries_of_observations_are_flattened():
         ({"source": {"A": [0]}, "target": {"B": [0]}}, "must name the same sources"),
         ({"observation_range": (1, -1)}, "low below high"),
         ({"grid": ("sensor_0", "speed")}, "two of the sensors sensor_0, sensor_1"),
+        ({"max_steps": 0}, "max_steps is 0: it must be at least 1"),
+        ({"max_score": 0}, "max_score is 0: it must be at least 1"),
+        ({"rollouts_per_domain": 0}, "rollouts_per_domain is 0: it must be at least 1"),
+        ({"trajectory_period": 0}, "trajectory_period is 0: it must be at least 1"),
+        ({"reward": 0.0}, "reward is 0.0: it must be above 0"),
+        ({"reward": np.nan}, "reward is nan: it must be above 0"),
     ],
 )
 def test_what_does_not_fit_is_named(changes, words):

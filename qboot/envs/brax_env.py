@@ -53,13 +53,16 @@ class TaskEnv(Env):
                 clipped, and one that is not a number becomes the middle.
 
         Raises:
-            ValueError: unless there is either a domain or a set of them, the range is one, and the source is known.
+            ValueError: unless there is either a domain or a set of them, the range is one, and a source is known and
+                given with "source" or "target".
         """
         low, high = action_range
         if not -np.inf < low < high < np.inf:
             raise ValueError(f"action_range is {action_range}: it must be (low, high), finite, low below high")
         if (domain is None) == (domains is None):
             raise ValueError("give either one domain or domains, a set of them")
+        if source is not None and not isinstance(domains, str):
+            raise ValueError(f"source is {source!r}, but belongs to domains='source' or domains='target' alone")
         if isinstance(domains, str):
             sets = {"source": task.source_domains, "target": task.target_domains}
             if domains not in sets:

@@ -60,7 +60,8 @@ def from_brax(
     ends the rollout: the score counts the rollouts that reached it. Without, the environment's own rewards count, and
     may be dense: the score of a rollout is their sum divided by `reward`, any fraction, negative where they are.
 
-    A rollout that is done stays where it is and earns nothing. A rollout is never truncated before `max_steps`. Give
+    A rollout that is done stays where it is and earns nothing. A step after which the reward or what is observed is not
+    finite ends the rollout where it was before, without a reward. A rollout is never truncated before `max_steps`. Give
     the bare environment: wrappers that count episodes or reset by themselves would do so a second time.
 
     Args:
@@ -69,7 +70,7 @@ def from_brax(
         name: of the task.
         max_steps: timesteps of a rollout at most.
         success: the environment's state -> () bool.
-        reward: size of one reward; default 10 with `success`, else 1.
+        reward: size of one reward, > 0; default 10 with `success`, else 1.
         max_score: the greatest score of a rollout, where figures end.
         observe: the environment's state -> (S,) float; default its `obs`, flattened (of a dict, the entry "state" if
             it has one, else all in order of their names).
@@ -109,6 +110,17 @@ def from_brax(
         >>> bool(state.done)
         False
     """
+    counts = {
+        "max_steps": max_steps,
+        "max_score": max_score,
+        "rollouts_per_domain": rollouts_per_domain,
+        "trajectory_period": 1 if trajectory_period is None else trajectory_period,
+    }
+    for what, count in counts.items():
+        if count < 1:
+            raise ValueError(f"{name}: {what} is {count}: it must be at least 1")
+    if reward is not None and not 0 < reward < np.inf:
+        raise ValueError(f"{name}: reward is {reward}: it must be above 0 and finite, for scores are divided by it")
     sources, source_sets, target_sets = sets_by_name(source, target)
     first = jax.tree.map(lambda leaf: leaf[0], source_sets[sources[0]])
     if reset_with is None and any(not are_seeds(some) for some in (*source_sets.values(), *target_sets.values())):
@@ -186,7 +198,7 @@ class _Robot:
         return BraxState(self.sense(state), jnp.float32(0.0), state.done > 0, state)
 
     def step(self, domain: Domain, state: BraxState, command: jax.Array) -> BraxState:
-        """One timestep; a state that is done stays as it is, and earns nothing."""
+        """One timestep; a state that is done stays as it is, and earns nothing, and so does one that breaks down."""
         del domain
         low, high = self.actions
         # Some environments write into the dictionaries of the state that they are given: they get new ones.
@@ -197,9 +209,11 @@ class _Robot:
         else:
             reached = jnp.asarray(self.success(after)).astype(jnp.float32) > 0
             reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
-        after = unless(state.done, after, state.env)
-        reward = jnp.where(state.done, jnp.float32(0.0), reward)
-        return BraxState(self.sense(after), reward, state.done | over, after)
+        # One number that is none would be everybody's: rewards and outcomes of a population are compared.
+        breaks_down = ~(jnp.isfinite(reward) & jnp.all(jnp.isfinite(self.observe(after))))
+        stays = state.done | breaks_down
+        after = unless(stays, after, state.env)
+        return BraxState(self.sense(after), jnp.where(stays, jnp.float32(0.0), reward), stays | over, after)
 
     def sense(self, state: Any) -> jax.Array:
         """Sensors (S,) in [0, 1]."""

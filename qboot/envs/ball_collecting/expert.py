@@ -19,7 +19,7 @@ def actions(duration: int = 15) -> ActionSet:
     """Sixteen moving actions that turn by different angles while holding, and one that stops and drops.
 
     Effectors are left wheel, right wheel (0.5 stops, 1 is full speed ahead) and crane (1 holds, 0 drops). No
-    wheel ever turns backwards: a robot that spins on the spot does not explore. The first action turns to the left
+    wheel ever turns backwards: a robot that spins on the spot does not explore. The first action turns to the right
     around its resting left wheel (a quarter of a circle in 15 steps), the ninth goes straight on.
 
     Args:
@@ -28,6 +28,6 @@ def actions(duration: int = 15) -> ActionSet:
     Raises:
         ValueError: if `duration` is less than 1.
     """
-    turns = np.arange(-8, 8) / 16  # from left to right; what the command of the inner wheel falls short of 1
+    turns = np.arange(-8, 8) / 16  # from right to left; what the command of the inner wheel falls short of 1
     moving = np.column_stack([1 + np.minimum(turns, 0), 1 - np.maximum(turns, 0), np.ones(16)])
     return constant_actions(np.vstack([moving, [0.5, 0.5, 0.0]]), duration)
