@@ -163,6 +163,16 @@ def test_the_best_trajectories_are_kept():
     assert sorted(store.length[1].tolist()) == [1, 3]
 
 
+def test_what_to_avoid_is_kept_too_and_nothing_never():
+    store = empty_store(1, 3, capacity=4, n_inputs=1)
+    for length, value in enumerate((-3.0, 0.0, -1.0, -2.0), start=1):
+        trajectory = empty_trajectory(4, 1)._replace(discounted_return=jnp.float32(value), length=jnp.int32(length))
+        store = keep_best(store, jnp.int32(0), trajectory)
+    assert sorted(store.length[0].tolist()) == [1, 3, 4]
+    better = empty_trajectory(4, 1)._replace(discounted_return=jnp.float32(7), length=jnp.int32(2))
+    assert sorted(keep_best(store, jnp.int32(0), better).discounted_return[0].tolist()) == [-2, -1, 7]
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

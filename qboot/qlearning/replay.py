@@ -66,14 +66,14 @@ def write(trajectory: Trajectory, index: jax.Array, transition: Transition) -> T
 def keep_best(store: Trajectory, domain: jax.Array, trajectory: Trajectory) -> Trajectory:
     """Let a new trajectory take the place of the worst of its domain, () int32, if its return is greater.
 
-    Of equal returns the older trajectory stays. A return of 0 never beats an empty place, so it is never
-    replayed.
+    Of equal returns the older trajectory stays. A return of 0 is never kept, for nothing was met on the way; one below
+    0 is, and teaches what to avoid.
     """
-    returns = store.discounted_return
-    if returns.shape[1] == 0:
+    if store.length.shape[1] == 0:
         return store
-    place = jnp.argmin(returns[domain])
-    is_better = trajectory.discounted_return > returns[domain, place]
+    returns = jnp.where(store.length[domain] > 0, store.discounted_return[domain], -jnp.inf)
+    place = jnp.argmin(returns)
+    is_better = (trajectory.discounted_return > returns[place]) & (trajectory.discounted_return != 0)
     return jax.tree.map(
         lambda kept, new: kept.at[domain, place].set(jnp.where(is_better, new, kept[domain, place])),
         store,
