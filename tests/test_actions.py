@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -61,6 +65,30 @@ def test_fuzzy_c_means_follows_the_textbook_step_by_step():
     first, _ = bezdek(points, fuzzy_c_means(points, 3, 2.0, seed=5, max_iterations=1, tolerance=0)[0], 2.0, 6)
     seventh, _ = fuzzy_c_means(points, 3, 2.0, seed=5, max_iterations=7, tolerance=0)
     np.testing.assert_allclose(seventh, first, atol=1e-4)
+
+
+ON_SO_MANY_CORES = """
+import os, sys
+os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
+import numpy as np
+from qboot.extraction.clustering import fuzzy_c_means
+points = np.random.default_rng(0).normal(size=(60_000, 7))
+centres, memberships = fuzzy_c_means(points, 5, 1.3, seed=0, max_iterations=10)
+print(centres.tobytes().hex(), hash(memberships.tobytes()))
+"""
+
+
+@pytest.mark.skipif(len(getattr(os, "sched_getaffinity", lambda _: ())(0)) < 2, reason="needs two cores, and Linux")
+def test_fuzzy_c_means_does_not_depend_on_the_cores():
+    """XLA splits a large sum among as many threads as there are cores, which rounds it differently."""
+    found = [
+        subprocess.run(
+            [sys.executable, "-c", ON_SO_MANY_CORES, n], capture_output=True, text=True, check=True,
+            env=os.environ | {"PYTHONHASHSEED": "0"},
+        ).stdout
+        for n in ("1", "2")
+    ]  # fmt: skip
+    assert found[0] and found[0] == found[1]
 
 
 def test_fuzzy_c_means_by_hand():
@@ -205,6 +233,8 @@ def test_actions_need_enough_segments():
     segments, _ = prototypes(5, 0)
     with pytest.raises(ValueError, match="17 actions need at least as many segments, got 5"):
         cluster_actions(segments, ActionSettings(max_duration=1000), seed=0)
+    with pytest.raises(ValueError, match="17 actions need at least as many segments, got 0"):
+        cluster_actions(segments, ActionSettings(max_duration=8, long_segments="drop"), seed=0)
 
 
 @pytest.mark.parametrize(

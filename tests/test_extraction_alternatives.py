@@ -28,6 +28,7 @@ def test_well_separated_clusters_are_found(name):
     np.testing.assert_array_equal(nearest[found.memberships.argmax(axis=1)], labels)
     again = CLUSTERINGS[name](features, settings, 1)
     np.testing.assert_array_equal(found.centres, again.centres)
+    assert np.isfinite(CLUSTERINGS[name](features, settings, 2**32 - 1).centres).all()  # the largest seed of a run
 
 
 @pytest.mark.parametrize("name", ["k_means", "gaussian_mixture"])
@@ -99,6 +100,11 @@ def test_a_forest_needs_what_the_future_depends_on():
     assert chosen.selected[0, :2].all()
     assert not chosen.selected[:, 2:].any()
     assert 0.3 < chosen.report.explained < 1 and chosen.report.n_rows == 5 * 297
+
+
+def test_a_forest_keeps_an_input_where_none_stands_out():
+    alone = [Trace(np.random.default_rng(seed).uniform(size=(30, 1)), np.zeros((30, 1))) for seed in range(3)]
+    assert select(alone, SensorSettings(selection="forest", lags=1)).selected.tolist() == [[True]]
 
 
 @pytest.mark.parametrize("name", SELECTIONS)

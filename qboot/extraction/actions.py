@@ -206,7 +206,8 @@ def count_distinct(centres: np.ndarray) -> int:
 
 
 def _features(segments: Segments) -> np.ndarray:
-    lines = np.stack([segments.slopes, segments.intercepts], axis=-1).reshape(len(segments.durations), -1)
+    lines = np.stack([segments.slopes, segments.intercepts], axis=-1)
+    lines = lines.reshape(len(segments.durations), 2 * segments.slopes.shape[1])
     return np.column_stack([lines, segments.durations])
 
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # the settings choose one of the methods
 
 # Choosing the first centres needs no more points than this, however many there are to cluster.
 MAX_INITIAL_POINTS = 20_000
+# Points of a sum. XLA spreads larger ones over its threads, whose number would decide the last bits.
+BLOCK = 256
 # Squared distance (in units of the data's variance) below which a point counts as lying on a centre.
 ON_CENTRE = 1e-30
 
@@ -76,16 +78,19 @@ def cluster(
     # Single precision is enough once the data are centred and have a spread of 1.
     origin, unit = points.mean(axis=0), points.std(axis=0).max() or 1.0
     points = ((points - origin) / unit).astype(np.float32)
+    blocks = _in_blocks(points)
     best = np.inf
     for start in range(restarts):
-        centres = jnp.asarray(_initial_centres(points, n_clusters, seed * restarts + start))
+        # scikit-learn takes seeds of 32 bits.
+        centres = jnp.asarray(_initial_centres(points, n_clusters, (seed * restarts + start) % 2**32))
         for iteration in range(1, max_iterations + 1):  # noqa: B007 (the last value is a result)
-            centres, moved = _update(points, centres, m)
+            centres, moved = _update(blocks, centres, m)
             if moved <= tolerance:
                 break
-        memberships, total = _assign(points, centres, m)
+        memberships, total = _assign(blocks, centres, m)
         if total < best:
-            best, found = total, Clustering(np.asarray(centres, np.float64), np.asarray(memberships), iteration)
+            memberships = np.asarray(memberships).reshape(-1, n_clusters)[: len(points)]
+            best, found = total, Clustering(np.asarray(centres, np.float64), memberships, iteration)
     return found._replace(centres=found.centres * unit + origin)
 
 
@@ -99,24 +104,46 @@ def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarr
     return kmeans_plusplus(points, n_clusters, random_state=seed)[0]
 
 
+class _Blocks(NamedTuple):
+    """Points, filled up to whole blocks."""
+
+    points: np.ndarray  # (blocks, BLOCK, F) float32
+    is_point: np.ndarray  # (blocks, BLOCK) float32: 1, and 0 where it is filled up
+
+
+def _in_blocks(points: np.ndarray) -> _Blocks:
+    missing = -len(points) % BLOCK
+    filled = np.pad(points, [(0, missing), (0, 0)]).reshape(-1, BLOCK, points.shape[1])
+    return _Blocks(filled, np.pad(np.ones(len(points), np.float32), (0, missing)).reshape(-1, BLOCK))
+
+
 @jax.jit
-def _update(points: jax.Array, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
+def _update(blocks: _Blocks, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
     """Centres as means weighted by memberships^m, and the largest move of a coordinate."""
-    weights = jnp.exp(m * _log_memberships(points, centres, m))
-    total = jnp.maximum(weights.sum(axis=0), jnp.finfo(weights.dtype).tiny)
-    updated = weights.T @ points / total[:, None]
+
+    def add(sums: tuple[jax.Array, jax.Array], block: _Blocks) -> tuple[tuple[jax.Array, jax.Array], None]:
+        weights = jnp.exp(m * _log_memberships(block.points, centres, m)) * block.is_point[:, None]
+        return (sums[0] + weights.T @ block.points, sums[1] + weights.sum(axis=0)), None
+
+    nothing = (jnp.zeros_like(centres), jnp.zeros(len(centres), centres.dtype))
+    (weighted, total), _ = jax.lax.scan(add, nothing, blocks)
+    updated = weighted / jnp.maximum(total, jnp.finfo(total.dtype).tiny)[:, None]
     return updated, jnp.abs(updated - centres).max()
 
 
 @jax.jit
-def _assign(points: jax.Array, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
-    """Memberships (n, c), and the sum that is minimised."""
-    memberships = jnp.exp(_log_memberships(points, centres, m))
-    squared = jnp.square(points[:, None, :] - centres[None, :, :]).sum(axis=-1)
-    return memberships, (memberships**m * squared).sum()
+def _assign(blocks: _Blocks, centres: jax.Array, m: float) -> tuple[jax.Array, jax.Array]:
+    """Memberships (blocks, BLOCK, c), and the sum that is minimised."""
+
+    def add(total: jax.Array, block: _Blocks) -> tuple[jax.Array, jax.Array]:
+        memberships = jnp.exp(_log_memberships(block.points, centres, m))
+        squared = jnp.square(block.points[:, None, :] - centres[None, :, :]).sum(axis=-1)
+        return total + (memberships**m * squared * block.is_point[:, None]).sum(), memberships
+
+    total, memberships = jax.lax.scan(add, jnp.zeros((), centres.dtype), blocks)
+    return memberships, total
 
 
-@jax.jit
 def _log_memberships(points: jax.Array, centres: jax.Array, m: float) -> jax.Array:
     """Logarithms (n, c) of u_ij = d_ij^(-2/(m-1)) / sum_k d_ik^(-2/(m-1)); the powers would overflow."""
     squared = jnp.square(points[:, None, :] - centres[None, :, :]).sum(axis=-1)
@@ -187,6 +214,7 @@ def _gaussian_mixture(features: np.ndarray, settings: "ActionSettings", seed: in
     return Clustering(found.means_, found.predict_proba(features).astype(np.float32), int(found.n_iter_))
 
 
+@one_thread()
 def _fitted(model: Any, features: np.ndarray) -> Any:
     """A model of scikit-learn, fitted; that centres coincide or move on is told by what is reported of them."""
     from sklearn.exceptions import ConvergenceWarning

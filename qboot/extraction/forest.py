@@ -43,6 +43,7 @@ def permutation_importance(observations: list[np.ndarray], lags: int) -> Importa
     if len(targets) < 2 or not varies.any():
         raise ValueError("no sensor ever varies: observations of at least one must differ.")
     targets = (targets - targets.mean(axis=0))[:, varies] / targets.std(axis=0)[varies]
+    targets = targets[:, 0] if targets.shape[1] == 1 else targets  # as scikit-learn wants it
     fitted, asked = np.array_split(drawn.permutation(len(targets)), 2)
     forest = RandomForestRegressor(TREES, min_samples_leaf=MIN_SAMPLES_LEAF, max_features="sqrt", random_state=0)
     forest.fit(inputs[fitted], targets[fitted])

@@ -4,9 +4,10 @@ Another method is a function (commands (E, T), settings) -> Segments, and a row 
 Shape letters: E effectors, T steps, n segments.
 """
 
+import contextlib
 import logging
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:  # the settings choose one of the methods
     from qboot.extraction.actions import ActionSettings
 
-# Least variance of a hidden state's commands, whose range is [0, 1].
+# Added to the variance of a hidden state's commands, whose range is [0, 1], before it is fitted.
 EMISSION_VARIANCE = 1e-4
 
 
@@ -109,11 +110,19 @@ def _hidden_states(emissions: np.ndarray, n_states: int) -> np.ndarray:
 
     model = GaussianHMM(n_states, covariance_type="diag", min_covar=EMISSION_VARIANCE, random_state=0)
     # It tells through its logger that it stopped before it converged, or that a state is never left.
-    logger = logging.getLogger("hmmlearn")
-    logger.setLevel(logging.CRITICAL)
-    with warnings.catch_warnings():
+    with _silent(logging.getLogger("hmmlearn")), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # of the k-means that it starts from
         return model.fit(emissions).predict(emissions)
+
+
+@contextlib.contextmanager
+def _silent(logger: logging.Logger) -> Iterator[None]:
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _lines(commands: np.ndarray, starts: np.ndarray) -> Segments:

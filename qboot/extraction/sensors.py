@@ -277,7 +277,9 @@ def _lasso_of_commands(traces: Iterable[Trace], settings: SensorSettings) -> Sel
 
 def _forest(traces: Iterable[Trace], settings: SensorSettings) -> Selection:
     importance = forest.permutation_importance([trace.observations for trace in traces], settings.lags)
-    return Selection(importance.drops > importance.drops.mean(), importance)
+    drops = importance.drops
+    elected = drops > drops.mean()
+    return Selection(elected if elected.any() else drops == drops.max(), importance)
 
 
 SELECTIONS: dict[str, Callable[[Iterable[Trace], SensorSettings], Selection]] = {
