@@ -99,7 +99,7 @@ def hamming(descriptors: jax.Array, n_channels: int) -> jax.Array:
     differing = jnp.zeros(n_individuals, jnp.float32)
     for total in totals:  # one after the other: the order in which they are rounded
         differing += total.astype(jnp.float32)
-    return differing / (n_individuals * n_channels * n_steps)
+    return differing / float(n_individuals * n_channels * n_steps)  # the whole number may not fit into 32 bits
 
 
 # Entropy: how often each channel was in each of nine bins.

@@ -91,7 +91,7 @@ def run(
         jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (n_rollouts, *leaf.shape)), recorder.start(task)),
     )
     rows = jax.tree.map(
-        lambda leaf: jnp.zeros((n_rollouts, n_chunks + 1, *leaf.shape[1:]), leaf.dtype),
+        lambda leaf: jnp.zeros((n_rollouts, n_chunks, *leaf.shape[1:]), leaf.dtype),
         jax.eval_shape(run_chunk, networks, domains, progress)[1],
     )
 
@@ -101,16 +101,12 @@ def run(
         # the rows of its last chunk.
         places = _first(_goes_on(task, progress), n_lanes)
         here = jax.tree.map(lambda leaf: leaf[places], (networks, domains, progress))
-        # A lane for which no rollout is left runs the last one again, which may be over amid a chunk: what it did there
-        # must stay, so what it does now goes to a chunk that is thrown away.
-        chunks = jnp.where(_goes_on(task, here[2]), here[2].steps // chunk, n_chunks)
         there, new_rows = run_chunk(*here)
-        return _put(progress, there, (places,)), _put(rows, new_rows, (places, chunks))
+        return _put(progress, there, (places,)), _put(rows, new_rows, (places, here[2].steps // chunk))
 
     progress, rows = jax.lax.while_loop(lambda carry: jnp.any(_goes_on(task, carry[0])), advance, (progress, rows))
     rows = jax.tree.map(
-        lambda leaf: leaf[:, :n_chunks].reshape(n_rollouts, n_chunks * chunk, *leaf.shape[3:])[:, : task.max_steps],
-        rows,
+        lambda leaf: leaf.reshape(n_rollouts, n_chunks * chunk, *leaf.shape[3:])[:, : task.max_steps], rows
     )
     finish = jax.vmap(partial(recorder.finish, task))
     return finish(domains, progress.summaries, rows, progress.states), progress.rewards, progress.steps

@@ -61,20 +61,21 @@ def init(problem: Problem, front: Genome | None = None) -> tuple[EvolveState, Ev
     n = 2 * problem.settings.population
     ids = np.arange(n)
     first_keys = keys(problem.key, "first", ids)
-    refused = 0
+    refused = np.zeros(n, np.int32)
     if front is None:
         genomes = jax.device_get(_random_genomes(first_keys, problem.dnn))
     else:
         parents = jax.tree.map(lambda leaf: np.asarray(leaf)[ids % len(leaf)], front)
-        mutants, _ = _mutated(problem, first_keys, parents)
+        mutants, refused = _mutated(problem, first_keys, parents)
         is_front = ids < len(front.weights)
+        refused = np.where(is_front, 0, refused)
         genomes = jax.tree.map(lambda a, b: np.where(expand(is_front, a), a, b), parents, mutants)
     newborn = _unborn(genomes, ids, np.full(n, NO_PARENT), 0)
     room = dnn.least_room(newborn.genomes, problem.dnn)
     newborn, behaviours, lived = _evaluated(problem, newborn, 0, room)
     state = EvolveState(0, newborn, behaviours, np.zeros(n), np.zeros(n), newborn.take(slice(0, 0)), n, room)
     state = _survive(problem, state, newborn, behaviours)
-    return state, _info(problem, state, lived, refused)
+    return state, _info(problem, state, lived, int(refused.sum()))
 
 
 def step(problem: Problem, state: EvolveState) -> tuple[EvolveState, EvolveInfo]:
