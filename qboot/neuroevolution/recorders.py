@@ -1,7 +1,8 @@
 """Recorders: what is kept of a rollout, timestep by timestep.
 
-Only what is asked for is recorded: the rest would cost time and memory for nothing, and a rollout can be run again: with
-the same recorder to the bit, with another one but for rounding, for that is another program. Shape letters: T steps, S sensors, E effectors.
+Only what is asked for is recorded: the rest would cost time and memory for nothing, and a rollout can be run again. The
+same recorder then gives the same to the bit; another one is another program, which may round the last bit otherwise.
+Shape letters: T steps, S sensors, E effectors.
 """
 
 from collections.abc import Callable

@@ -2,8 +2,8 @@
 
 The robot moves on two wheels by the rules of the fastsim simulator: kinematic, no sliding along walls. Two balls lie
 in the arena at the start; the switch makes the other two appear. Lengths are in world units (the arena's side is
-600), angles in radians; y grows downwards, so a positive angle turns clockwise on a picture, to the robot's right. As in
-fastsim, that is where a right wheel that is faster than the left one turns it.
+600), angles in radians; y grows downwards, so a positive angle turns clockwise on a picture, to the robot's right. As
+in fastsim, that is where a right wheel that is faster than the left one turns it.
 """
 
 import math

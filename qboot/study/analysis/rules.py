@@ -23,14 +23,14 @@ SAME_WITHIN = 1 / 8
 
 RULES = (
     f"A number is compared when at least {MIN_RUNS} runs have it and the sizes that it depends on are at least the "
-    "paper's. Where it is of what is done with evolved runs, those are long enough that have the paper's generations "
-    "or have reached the top score. It agrees when the paper's value lies between our quartiles and, where the paper "
-    "prints quartiles, our value lies between those too; otherwise it differs. A median that was never reached agrees "
-    "with no number.",
+    "paper's. For what is done with evolved runs (Q-learning, new domains, control experiments), a run has evolved for "
+    "long enough if it had the paper's generations or has reached the top score. A number agrees when the paper's "
+    "value lies between our quartiles and, where the paper prints quartiles, our value lies between those too; "
+    "otherwise it differs. A median that was never reached agrees with no number.",
     "A time to the top score is read from the curve over runs, as the paper does: the median reaches it in the first "
-    "episode (or generation) in which half of the runs, or more, have the top score at once; a quartile likewise. "
-    "Single episodes count, exploration included. When the median never gets there, and the runs were given less time "
-    "than the paper's took, it cannot be told.",
+    "episode (or generation) in which more than half of the runs have the top score at once, so that the median "
+    "itself is the top score; a quartile likewise. Single episodes count, exploration included. When the median never "
+    "gets there, and the runs were given less time than the paper's took, it cannot be told.",
     f"A claim about an order needs full populations and full rollouts, at least {MIN_RUNS} runs or learners, and some "
     f"score above zero. It agrees when the Mann-Whitney test finds that order (A12 > 0.5, p < {SIGNIFICANCE}) and "
     "differs when it finds the opposite one; otherwise it differs when there are as many runs as in the paper, and "
