@@ -238,8 +238,11 @@ def _ablate(options: argparse.Namespace, rest: list[str]) -> None:
 
     _check_workers(options.workers)
     study = options.out or Path("results") / options.profile
-    for what in options.what or WHATS:
-        size = profiles.control_size_of(get_task(options.task), what, options.profile)
+    # All names are known before anything is learned.
+    sizes = {
+        what: profiles.control_size_of(get_task(options.task), what, options.profile) for what in options.what or WHATS
+    }
+    for what, size in sizes.items():
         n_runs = size.runs if options.runs is None else options.runs
         n_episodes = size.episodes if options.episodes is None else options.episodes
         lanes = sweep.LANES if options.lanes is None else options.lanes
@@ -282,6 +285,7 @@ def _publish(options: argparse.Namespace, rest: list[str]) -> None:
 def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
     from qboot.study import runner
     from qboot.study.report import page
+    from qboot.study.store import files
 
     out = options.out or Path("results") / options.profile
     if options.dry_run:
@@ -290,7 +294,12 @@ def _reproduce(options: argparse.Namespace, rest: list[str]) -> None:
         for line in dry_run.lines(options.profile, options.task, out, options.physics):
             print(line)
         return
-    runner.reproduce(options.profile, options.task, out, options.jobs, options.physics)
+    try:
+        runner.reproduce(options.profile, options.task, out, options.jobs, options.physics)
+    except runner.Incomplete:
+        with contextlib.suppress(files.RunError):  # what failed before is what the user has to know
+            print(page.write(out))
+        raise
     print(page.write(out))
 
 

@@ -15,9 +15,12 @@ import warnings
 from dataclasses import replace
 
 import jax
+import numpy as np
 import pytest
 from filelock import FileLock
 
+from qboot.study.analysis import appendix, verdicts
+from qboot.study.analysis.claims import claims
 from qboot.study.controls import cells, sweep
 from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import profiles
@@ -88,6 +91,18 @@ def record_all(run):
         for name in recipe.makes:
             if run.file(name).exists():
                 provenance.record(run, name, files.digest(run.file(name)))
+
+
+def claims_of(of_experiments, some):
+    """The claims on runs of one task and on finished cells of each control experiment by its name."""
+    return claims(verdicts.rows(some), [*verdicts.findings(some), *appendix.findings(of_experiments, some)])
+
+
+def make_anew(run):
+    """Have a run's actions be others in their bytes, though not in what they do."""
+    path = run.file("actions.npz")
+    files.write_npz(path, files.read_npz(path) | {"note": np.array("made anew")})
+    record_all(run)
 
 
 def begin_cells(folder, what, task="ball_collecting", **changed):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from conftest import TINY_SWEEP, begin_cells, record_all
+from conftest import TINY_SWEEP, begin_cells, make_anew, record_all
 
 from qboot.envs import get_task
 from qboot.extraction import baselines
@@ -17,7 +17,7 @@ from qboot.study.controls import segments, shapes, sweep
 from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared, places
 from qboot.study.pipeline import learning, loop
 from qboot.study.report import page
-from qboot.study.store import files, runs
+from qboot.study.store import files, lock, runs
 from qboot.study.store.artifacts import read_actions, read_selection
 from qboot.study.store.files import RunError
 from qboot.study.store.output import Output
@@ -183,6 +183,25 @@ def test_killed_cells_go_on_to_the_same_bytes(tiny_study, tmp_path, monkeypatch)
             kills += 1
     assert kills >= 2
     assert digests(copied) == before
+
+
+def test_cells_from_an_evolved_run_that_was_made_anew_are_not_believed(tiny_study, tmp_path, monkeypatch):
+    """Until they are compared with it, by who owns them; where what they learn with is the same, they stay."""
+    copied = tmp_path / "study"
+    shutil.copytree(tiny_study, copied)
+    before = folders.find(copied, "ball_collecting", "actions")
+    make_anew(runs.load(copied / "ball_collecting" / "A-0"))
+    assert folders.find(copied, "ball_collecting", "actions") == {}
+    faults = folders.faults(copied, "ball_collecting", "actions")
+    assert len(faults) == 6 and all("or from other files than those of now: run `qboot ablate" in one for one in faults)
+    owned, own = [], lock.owned
+    monkeypatch.setattr(lock, "owned", lambda folder: owned.append(folder) or own(folder))
+    monkeypatch.setattr(sweep, "_learn_block", None)  # nothing is learned again
+    cells = begin_cells(copied, "actions")
+    for _ in range(2):  # the second time, nothing is left to do
+        sweep.learn_cells(cells, workers=1)
+        assert owned == [copied / "ablations" / "ball_collecting" / "actions"]
+    assert folders.find(copied, "ball_collecting", "actions") == before
 
 
 def test_what_a_killed_process_left_in_a_cell_is_removed(tiny_study, tmp_path):

@@ -33,6 +33,7 @@ from qboot.cli import main
         (["reproduce", "--jobs", "0"], "--jobs is 0"),
         (["ablate", "--task", "flying"], "unknown task 'flying'"),
         (["ablate", "--task", "box_pushing", "--what", "colours"], "unknown experiment 'colours'"),
+        (["ablate", "--task", "box_pushing", "--what", "actions", "colours"], "unknown experiment 'colours'"),
         (["ablate", "--task", "box_pushing", "--runs", "0"], "runs is 0"),
         (["ablate", "--task", "box_pushing", "--out", "nowhere"], "no run of box_pushing"),
         (["report", "--out", "nowhere"], "nowhere"),

@@ -1,19 +1,22 @@
 """The table of jobs of a study: who makes what, who waits for whom, what is done."""
 
 import shutil
+from pathlib import Path
 
 import pytest
-from conftest import tiny_settings
+from conftest import TINY_SWEEP, make_anew, tiny_settings
 
 from qboot.envs.registry import BUILT_IN, get_task
 from qboot.study import jobs
 from qboot.study.controls import cells
 from qboot.study.controls.conditions import places
-from qboot.study.pipeline.profiles import PROFILES
+from qboot.study.pipeline import profiles
+from qboot.study.pipeline.profiles import ControlSize
 from qboot.study.pipeline.table import STAGES
+from qboot.study.store import runs
 
 
-@pytest.mark.parametrize("profile", PROFILES)
+@pytest.mark.parametrize("profile", ["smoke", "quick", "standard", "paper"])
 def test_every_file_is_made_by_one_job_and_needed_by_later_ones_alone(profile, tmp_path):
     made = set()
     for job in jobs.jobs_of(profile, None, tmp_path):
@@ -61,7 +64,14 @@ def test_a_job_is_done_when_all_that_it_makes_is_there(tiny_study):
     assert not any(job.is_done for job in elsewhere)
 
 
-def test_a_control_experiment_is_done_with_its_last_cell(tiny_study, tmp_path):
+@pytest.fixture
+def tiny_sweep(monkeypatch):
+    """Control experiments of the size of those in the tiny study."""
+    size = ControlSize(TINY_SWEEP["n_runs"], TINY_SWEEP["n_episodes"])
+    monkeypatch.setattr(profiles, "control_size_of", lambda task, what, profile: size)
+
+
+def test_a_control_experiment_is_done_with_its_last_cell(tiny_study, tmp_path, tiny_sweep):
     shutil.copytree(tiny_study / "ball_collecting", tmp_path / "ball_collecting")
     control = jobs.jobs_of("smoke", "ball_collecting", tmp_path)[-1]
     table = places(get_task("ball_collecting"), control.what)
@@ -70,12 +80,17 @@ def test_a_control_experiment_is_done_with_its_last_cell(tiny_study, tmp_path):
     assert set(control.makes) < set(files)
     for path in files:
         assert not control.is_done
-        path.parent.mkdir(parents=True)
-        path.touch()
+        shutil.copytree(tiny_study / path.parent.relative_to(tmp_path), path.parent)
     assert control.is_done
+    content = files[0].read_bytes()
+    files[0].write_bytes(content[:-9])
+    assert not control.is_done
+    files[0].write_bytes(content)
+    make_anew(runs.load(tmp_path / "ball_collecting" / "A-0"))
+    assert not control.is_done
 
 
-def test_numbers_of_actions_that_a_run_cannot_give_are_not_waited_for(tiny_study, tmp_path, monkeypatch):
+def test_numbers_of_actions_that_a_run_cannot_give_are_not_waited_for(tiny_study, tmp_path, monkeypatch, tiny_sweep):
     shutil.copytree(tiny_study, tmp_path, dirs_exist_ok=True)
     control = jobs.jobs_of("smoke", "ball_collecting", tmp_path)[-1]
     assert control.is_done
@@ -83,6 +98,14 @@ def test_numbers_of_actions_that_a_run_cannot_give_are_not_waited_for(tiny_study
     assert not control.is_done
     monkeypatch.setattr(cells, "shortage", lambda run, n: "too few" if n > 30 else "")
     assert control.is_done
+
+
+def test_a_task_in_a_file_has_one_name_in_all_jobs(tmp_path, monkeypatch):
+    """The dry run measures this machine once for each name."""
+    examples = Path(__file__).parents[1] / "examples"
+    monkeypatch.chdir(examples)
+    table = jobs.jobs_of("smoke", "point_robot.py:TASK", tmp_path)
+    assert {job.task for job in table} == {f"{examples / 'point_robot.py'}:TASK"}
 
 
 def test_unknown_words_are_refused(tmp_path):

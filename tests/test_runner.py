@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,9 @@ import pytest
 from qboot import cli
 from qboot.study import processes, runner
 from qboot.study.controls.conditions import WHATS
-from qboot.study.pipeline.progress import STATUS_VARIABLE
+from qboot.study.pipeline import progress
+from qboot.study.pipeline.progress import STATUS_VARIABLE, Progress
+from qboot.study.report import page
 from qboot.study.runner import Job
 from qboot.study.store import programs
 from qboot.study.store.files import RunError
@@ -132,6 +135,62 @@ def test_a_study_whose_jobs_cannot_be_judged_ends_with_one_line(tmp_path, monkey
     assert len(said) == 1 and "evolve failed: not today" in said[0]
     assert "actions: cannot tell whether it can begin: TypeError unheard of" in said[0]
     assert not (out / ".status").exists() and not (out / ".lock").exists()
+    # There is a report on what there is, all the same.
+    assert "A-0" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("way", ["not begun", "no room for the report"])
+def test_why_a_study_failed_is_told_before_anything_about_its_report(tmp_path, monkeypatch, capsys, way):
+    def reproduce(*arguments):
+        raise (RunError if way == "not begun" else runner.Incomplete)("evolve failed")
+
+    def write(out):
+        assert way != "not begun"
+        raise RunError("no room")
+
+    monkeypatch.setattr(runner, "reproduce", reproduce)
+    monkeypatch.setattr(page, "write", write)
+    assert cli.main(["reproduce", "--profile", "smoke", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == "qboot: evolve failed\n"
+
+
+@pytest.mark.parametrize("code", [0, 2])
+def test_what_a_step_tells_its_user_is_shown_once(monkeypatch, capsys, code):
+    printed = (
+        "extract:   0%|          | 0/3\rextract:  33%|###       | 1/3\n"
+        "/a b/extracting.py:31: UserWarning: A-0: no extracted action gives gripper below 0.5\n"
+        "  warnings.warn(f'{run.folder}: no extracted action gives {words}')\n"
+        "WARNING:jax: an accelerator may be there\n"
+        "qboot: actions.npz is damaged: set aside\n"
+        "qboot: actions.npz is damaged: set aside\n"
+        "qboot: the end\n"
+    )
+    monkeypatch.setattr(processes, "run", lambda command, _: subprocess.CompletedProcess(command, code, "", printed))
+    error = runner._do_steps(job("task A-0"))
+    said = [
+        "qboot: task A-0 step: A-0: no extracted action gives gripper below 0.5",
+        "qboot: task A-0 step: actions.npz is damaged: set aside",
+    ]
+    if code:  # the last line is the error
+        assert error == "step failed: qboot: the end"
+    else:
+        said.append("qboot: task A-0 step: the end")
+    assert capsys.readouterr().err.splitlines() == said
+
+
+def test_several_threads_report_into_one_file(tmp_path, monkeypatch):
+    replace = os.replace
+
+    def slow_replace(*paths):
+        time.sleep(0.05)  # for another thread to come in between
+        replace(*paths)
+
+    monkeypatch.setenv(STATUS_VARIABLE, str(tmp_path / "status.json"))
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_REPORTS", -1.0)
+    monkeypatch.setattr(progress.os, "replace", slow_replace)
+    with Progress("ablate", "episode", total=4) as bar, ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(bar.update, range(1, 5))) == [None] * 4
+    assert runner._read_status(tmp_path / "status.json")["label"] == "ablate"
 
 
 def test_a_study_runs_its_stages_then_its_experiments(tmp_path, monkeypatch):

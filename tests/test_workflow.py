@@ -1,7 +1,9 @@
 """The workflow for clusters: the same jobs as `qboot reproduce`, and Slurm's words."""
 
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -12,11 +14,16 @@ from qboot.study.workflow.slurm_status import status_of
 
 def test_snakemake_plans_a_rule_for_each_job(tmp_path):
     pytest.importorskip("snakemake", reason="the extra `cluster` is not installed")
-    out = tmp_path / "study"
+    out = tmp_path / "a study"
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(workflow.SNAKEFILE), "--dry-run", "--cores", "2"]
-    config = ["--config", "profile=quick", "task=ball_collecting", f"out={out}"]
+    config = ["--printshellcmds", "--config", "profile=quick", "task=ball_collecting", f"out={out}"]
     result = subprocess.run([*command, *config], cwd=tmp_path, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
+    words = [shlex.split(line) for line in (result.stdout + result.stderr).splitlines() if "QBOOT_STATUS=" in line]
+    assert len(words) == len(jobs.jobs_of("quick", "ball_collecting", out))
+    for line in words:
+        log = line[-2]
+        assert Path(log).parent == out / "logs" and f"QBOOT_STATUS={log}.status" in line
     stats = (result.stdout + result.stderr).rpartition("Job stats:")[2].partition("Reasons:")[0]
     counted = dict(line.rsplit(maxsplit=1) for line in stats.splitlines() if line.strip() and line[0].isalpha())
     assert {name: int(n) for name, n in counted.items() if name not in ("job", "total", "all", "report")} == {

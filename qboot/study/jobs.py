@@ -4,7 +4,7 @@ import itertools
 from pathlib import Path
 from typing import NamedTuple
 
-from qboot.envs.registry import BUILT_IN, get_task
+from qboot.envs.registry import BUILT_IN, canonical, get_task
 from qboot.study.controls import cells
 from qboot.study.controls.conditions import WHATS, Place, places
 from qboot.study.controls.sweep import LANES
@@ -41,20 +41,20 @@ class Job(NamedTuple):
 
     @property
     def is_done(self) -> bool:
-        """Whether all that the job makes is there."""
+        """Whether all that the job makes is there, whole, and made as it should be."""
         if self.run:
             return stage(self.step).is_done(Run(self.folder, self.run))
         return all(path.exists() for path in self.makes) and self._has_all_cells()
 
     def _has_all_cells(self) -> bool:
-        """Whether all cells of a control experiment are there that can be had from its evolved runs."""
+        """Whether all cells of a control experiment are finished that can be had from its evolved runs."""
         size = profiles.control_size_of(get_task(self.task), self.what, self.profile)
         study = self.folder.parents[2]
         try:
             planned = cells.plan(study, self.task, self.what, self.profile, size.runs, size.episodes, LANES)
         except RunError:  # no evolved runs, or none that go with what is there: `qboot ablate` says which
             return False
-        return all((folder / "qlearning.csv").exists() for folder in planned.cells)
+        return all(cells.is_finished(Run(folder, settings), run) for folder, (settings, run) in planned.cells.items())
 
 
 def jobs_of(profile: str, task: str | None, out: Path, physics: str | None = None) -> list[Job]:
@@ -71,7 +71,7 @@ def jobs_of(profile: str, task: str | None, out: Path, physics: str | None = Non
     """
     if physics and not task:
         raise ValueError(f"--physics {physics} without --task: tasks differ in what they run on, so say which task")
-    tasks = [task] if task else list(BUILT_IN)
+    tasks = [canonical(task)] if task else list(BUILT_IN)
     settings = {name: profiles.runs_of(name, profile, physics) for name in tasks}
     # The tasks in turn: runs that start together compile different programs, and later ones find theirs in the store.
     in_turn = [run for some in itertools.zip_longest(*settings.values()) for run in some if run]

@@ -4,6 +4,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import shutil
 import sys
 import threading
@@ -29,6 +30,12 @@ TRIES = 2
 SECONDS_BETWEEN_LOOKS = 0.5
 # One thread per process: the cores are busy with others.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+# What a process says to its user, among all that libraries print: a line of qboot's, or a warning of Python's.
+SAID = re.compile(r"(?:qboot|.+:\d+: \w*Warning): (.+)")
+
+
+class Incomplete(RunError):
+    """Runs or experiments of a study failed; the others are done."""
 
 
 @dataclass
@@ -51,7 +58,8 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
 
     Raises:
         ValueError: for an unknown task, profile or physics, or jobs below 1.
-        RunError: if a run or an experiment failed; the others have gone on.
+        Incomplete: if a run or an experiment failed; the others have gone on.
+        RunError: if nothing could be begun.
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
@@ -79,7 +87,7 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
         do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
     errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
     if errors:
-        raise RunError("; ".join(errors))
+        raise Incomplete("; ".join(errors))
 
 
 def _create(out: Path, some: list[RunSettings]) -> dict[RunSettings, str]:
@@ -196,7 +204,7 @@ def _is_extracted(folder: Path) -> bool:
 
 
 def _do_steps(job: Job) -> str:
-    """All steps of one job; an error in words, or nothing."""
+    """All steps of one job, whose warnings are shown; an error in words, or nothing."""
     environment = os.environ | ONE_THREAD | {STATUS_VARIABLE: str(job.status)}
     for step, arguments in job.steps.items():
         command = [sys.executable, "-m", "qboot.cli", *arguments]
@@ -207,10 +215,18 @@ def _do_steps(job: Job) -> str:
                 _note_time(job.folder, step, time.time() - started)
             if result.returncode in (0, 2, 129, 130, 143):
                 break
-        if result.returncode:
-            words = result.stderr.strip().splitlines() or [f"exit code {result.returncode}"]
-            return f"{step} failed: {words[-1]}"
+        lines = result.stderr.strip().splitlines()
+        error = (lines or [f"exit code {result.returncode}"]).pop() if result.returncode else ""
+        _show_warnings(lines, f"{job.label} {step}")
+        if error:
+            return f"{step} failed: {error}"
     return ""
+
+
+def _show_warnings(lines: list[str], label: str) -> None:
+    """Say above the bar, once each, what a step has told its user."""
+    for words in dict.fromkeys(said[1] for line in lines if (said := SAID.fullmatch(line))):
+        tqdm.write(f"qboot: {label}: {words}", file=sys.stderr)
 
 
 def _note_time(folder: Path, stage: str, seconds: float) -> None:

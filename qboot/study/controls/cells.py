@@ -152,6 +152,11 @@ def _check_lags(settings: CellSettings, task: Task) -> None:
         )
 
 
+def is_finished(cell: Cell, evolved: Run[RunSettings]) -> bool:
+    """Whether all of a cell is there, whole, and made from its evolved run as that is now."""
+    return all(provenance.is_whole(cell, name, evolved) for name in FILES)
+
+
 def find(study: Path, task_name: str, what: str) -> dict[str, list[Cell]]:
     """The finished cells of an experiment by condition; conditions without any are left out.
 
@@ -159,7 +164,7 @@ def find(study: Path, task_name: str, what: str) -> dict[str, list[Cell]]:
     """
     found: dict[str, list[Cell]] = {}
     for condition, cell in _begun(study, task_name, what):
-        if not isinstance(cell, str) and all(provenance.is_whole(cell, name) for name in FILES):
+        if not isinstance(cell, str):
             found.setdefault(condition, []).append(cell)
     task = get_task(task_name)
     own = (name for name, place in places(task, what).items() if not is_shared(task, place))
@@ -174,13 +179,8 @@ def faults(study: Path, task_name: str, what: str) -> list[str]:
     begun = set()
     for condition, cell in _begun(study, task_name, what):
         begun.add(condition)
-        try:
-            if isinstance(cell, str):
-                words.append(cell)
-            else:
-                provenance.require(cell, *FILES)
-        except RunError as error:
-            words.append(str(error))
+        if isinstance(cell, str):
+            words.append(cell)
     task = get_task(task_name)
     for condition, place in places(task, what).items():
         if place.what == "n_actions" and condition not in begun:
@@ -191,16 +191,28 @@ def faults(study: Path, task_name: str, what: str) -> list[str]:
 
 
 def _begun(study: Path, task_name: str, what: str) -> Iterator[tuple[str, Cell | str]]:
-    """Condition and cell, or why it cannot be read, of all that were begun, in their order."""
+    """Condition and cell, or why it is not a finished one, of all that were begun, in their order."""
     task = get_task(task_name)
+    evolved = _readable(study, task.name)
     for condition, place in places(task, what).items():
         configs = _folder(study, task.name, place).glob("*/config.json")
         by_seed = (path.parent for path in configs if path.parent.name.isdecimal())
         for folder in sorted(by_seed, key=lambda folder: int(folder.name)):
             try:
-                yield condition, runs.load(folder, CellSettings)
+                cell = runs.load(folder, CellSettings)
+                provenance.require(cell, *FILES, evolved=evolved.get(cell.settings.evolved))
             except RunError as error:
                 yield condition, str(error)
+            else:
+                yield condition, cell
+
+
+def _readable(study: Path, task: str) -> dict[str, Run[RunSettings]]:
+    """Runs of a task by name, as far as they can be read."""
+    try:
+        return {run.folder.name: run for run in runs.runs_below(study).runs if run.task_name == task}
+    except RunError:  # none can
+        return {}
 
 
 def _known(folder: Path) -> CellSettings | None:

@@ -64,18 +64,18 @@ def learn_cells(cells: Cells, workers: int) -> None:
         RunError: if another process learns in these cells.
     """
     # Cells that are done may be read by others at the same time.
-    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    owned = [cell for cell, evolved in cells.items() if not folders.is_finished(cell, evolved)]
     with contextlib.ExitStack() as stack:
-        for folder in sorted({cell.folder.parents[1] for cell in pending}):
+        for folder in sorted({cell.folder.parents[1] for cell in owned}):
             stack.enter_context(lock.owned(folder))
-        _learn_cells(cells, workers)
+        _learn_cells(cells, owned, workers)
 
 
-def _learn_cells(cells: Cells, workers: int) -> None:
-    for cell, evolved in cells.items():
-        folders.equip(cell, evolved)
+def _learn_cells(cells: Cells, owned: list[Cell], workers: int) -> None:
+    for cell in owned:
+        folders.equip(cell, cells[cell])
     shapes = shapes_of(list(cells))
-    pending = [cell for cell in cells if not provenance.is_whole(cell, "qlearning.csv")]
+    pending = [cell for cell in owned if not provenance.is_whole(cell, "qlearning.csv")]
     for cell in pending:
         files.remove_parts(cell.folder)  # who owns the experiment owns its cells
         provenance.set_aside_faulty(cell, LEARN_CELL)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import threading
 import time
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +15,7 @@ SECONDS_BETWEEN_REPORTS = 0.5
 
 
 class Progress:
-    """Progress of one stage; use it as a context."""
+    """Progress of one stage, which several threads may report; use it as a context."""
 
     def __init__(self, label: str, unit: str, total: int, done: int = 0):
         """Progress of `label`, counted in `unit`, of which `done` of `total` are done already."""
@@ -22,6 +23,7 @@ class Progress:
         self._status = Path(status) if status else None
         self._label, self._total = label, total
         self._reported = 0.0
+        self._one_at_a_time = threading.Lock()  # their file is one
         look = {"desc": label, "unit": f" {unit}", "dynamic_ncols": True}
         self._bar = None if status else tqdm(total=total, initial=done, **look)
 
@@ -37,6 +39,10 @@ class Progress:
         text = ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in figures.items()
         )
+        with self._one_at_a_time:
+            self._report(done, text)
+
+    def _report(self, done: int, text: str) -> None:
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)

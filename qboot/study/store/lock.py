@@ -22,7 +22,8 @@ def owned(folder: Path) -> Iterator[None]:
     """Own a folder, which is made if need be, and tidy up what killed owners left of unfinished files.
 
     The system frees the lock of a process that ends in whatever way. Where the file system has no locks, the name of
-    the owner counts, as long as its process is alive on this machine.
+    the owner counts: on this machine as long as its process is alive, on another one until somebody deletes the file,
+    for nobody can see from here whether it has ended.
 
     Raises:
         RunError: if another process owns the folder, or it cannot be written.
@@ -48,10 +49,8 @@ def _locked(path: Path) -> int:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             owner = os.pread(handle, 1000, 0).decode(errors="replace").strip()
-            if _is_taken(handle, owner):
-                raise RunError(
-                    f"{path.parent} is in use by {owner or 'another process'}: wait until it is done, or stop it first"
-                )
+            if advice := _advice(handle, path, owner):
+                raise RunError(f"{path.parent} is in use by {owner or 'another process'}: {advice}")
             if _is_at(handle, path):
                 os.ftruncate(handle, 0)
                 os.pwrite(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
@@ -62,20 +61,22 @@ def _locked(path: Path) -> int:
         os.close(handle)  # the last owner removed this file in the meantime
 
 
-def _is_taken(handle: int, owner: str) -> bool:
-    """Whether another process has the lock; if not, this one has it now."""
+def _advice(handle: int, path: Path, owner: str) -> str:
+    """What to do about another process that has the lock; empty if none has: this one has it now."""
+    wait = "wait until it is done, or stop it first"
     try:
         if fcntl is None:
             raise OSError("no locks here")
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return False
+        return ""
     except BlockingIOError:
-        return True
-    except OSError:
+        return wait
+    except OSError:  # the file system has none
         words = owner.split()
         is_name = len(words) == 4 and words[1].isdecimal()
         is_other = is_name and (words[3] != socket.gethostname() or int(words[1]) != os.getpid())
-        return is_other and (words[3] != socket.gethostname() or files.is_alive(int(words[1])))
+        is_taken = is_other and (words[3] != socket.gethostname() or files.is_alive(int(words[1])))
+        return f"{wait}; if it has ended already, delete {path}" if is_taken else ""
 
 
 def _is_at(handle: int, path: Path) -> bool:

@@ -33,9 +33,15 @@ def identity(run: AnyRun, recipe: Recipe) -> str:
     return _identity(run, recipe, _recorded(run))
 
 
-def fault(run: AnyRun, name: str) -> str:
-    """What is wrong with a file of a run, as the end of a sentence; empty if it is whole and made as it should be."""
+def fault(run: AnyRun, name: str, evolved: AnyRun | None = None) -> str:
+    """What is wrong with a file of a run, as the end of a sentence; empty if it is whole and made as it should be.
+
+    With its `evolved` run, a cell is judged by what that run's files are now, not by what they were when the cell was
+    equipped. A published cell does not tell what it was equipped from, and is taken as it is.
+    """
     path, entries = run.file(name), _recorded(run)
+    if evolved:
+        entries |= {each: now for each, now in _of_evolved(evolved).items() if each in entries}
     if not path.exists():
         return "does not exist"
     if name not in entries:
@@ -47,15 +53,15 @@ def fault(run: AnyRun, name: str) -> str:
     return ""
 
 
-def is_whole(run: AnyRun, name: str) -> bool:
+def is_whole(run: AnyRun, name: str, evolved: AnyRun | None = None) -> bool:
     """Whether a file of a run is there, whole, and made as it should be."""
-    return not fault(run, name)
+    return not fault(run, name, evolved)
 
 
-def require(run: AnyRun, *names: str) -> None:
+def require(run: AnyRun, *names: str, evolved: AnyRun | None = None) -> None:
     """Raise RunError, which says what to do, unless the files of a run are whole and made as they should be."""
     for name in names:
-        if wrong := fault(run, name):
+        if wrong := fault(run, name, evolved):
             raise RunError(f"{run.file(name)} {wrong}{_loss(run, name)}: {_advice(run, name)}")
 
 
@@ -68,9 +74,8 @@ def record(run: AnyRun, name: str, digest: str) -> None:
 
 def record_evolved(cell: AnyRun, evolved: AnyRun) -> None:
     """Note in a cell's record what its evolved run's files are now."""
-    theirs = _recorded(evolved)
-    entries = {name: theirs.get(name.removeprefix("evolved/"), {"sha256": "", "identity": ""}) for name in EVOLVED}
-    known = _recorded(cell)
+    theirs, known = _of_evolved(evolved), _recorded(cell)
+    entries = {name: theirs.get(name, {"sha256": "", "identity": ""}) for name in EVOLVED}
     if known != known | entries:
         _write(cell, known | entries)
 
@@ -91,6 +96,12 @@ def _identity(run: AnyRun, recipe: Recipe, entries: Mapping[str, Mapping[str, st
     made_from = {name: entries.get(name, {}).get("sha256") for name in recipe.needs}
     whole = [FORMAT, recipe.step, get_task(settings.task).name, plain, made_from]
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+
+
+def _of_evolved(evolved: AnyRun) -> dict[str, dict[str, str]]:
+    """What an evolved run's record tells now, as a cell's record repeats it."""
+    theirs = _recorded(evolved)
+    return {name: theirs[own] for name in EVOLVED if (own := name.removeprefix("evolved/")) in theirs}
 
 
 def _recorded(run: AnyRun) -> dict[str, dict[str, str]]:
