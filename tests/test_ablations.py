@@ -16,6 +16,7 @@ from qboot.study.controls import cells as folders
 from qboot.study.controls import segments, shapes, sweep
 from qboot.study.controls.conditions import WHATS, Place, conditions, is_shared, places
 from qboot.study.pipeline import learning, loop
+from qboot.study.pipeline.extracting import ReplaysOtherwise
 from qboot.study.report import page
 from qboot.study.store import files, lock, runs
 from qboot.study.store.artifacts import read_actions, read_selection
@@ -202,6 +203,28 @@ def test_cells_from_an_evolved_run_that_was_made_anew_are_not_believed(tiny_stud
         sweep.learn_cells(cells, workers=1)
         assert owned == [copied / "ablations" / "ball_collecting" / "actions"]
     assert folders.find(copied, "ball_collecting", "actions") == before
+
+
+def test_a_lineage_from_other_hardware_keeps_its_own_cells_back_alone(tiny_study, tmp_path, monkeypatch):
+    study = tmp_path / "study"
+    shutil.copytree(tiny_study, study)
+    shutil.rmtree(study / "ablations" / "ball_collecting" / "n_actions" / "4")
+    some = begin_cells(study, "n_actions")
+    bad = next(cell for cell in some if cell.settings.condition == "4")
+    equip = folders.equip
+
+    def elsewhere(cell, evolved):
+        if cell == bad:
+            raise ReplaysOtherwise("it was made elsewhere")
+        equip(cell, evolved)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(folders, "equip", elsewhere)
+        with pytest.raises(RunError, match=r"^it was made elsewhere$"):
+            sweep.learn_cells(some, workers=1)
+    assert [cell for cell in some if not cell.file("qlearning.csv").exists()] == [bad]
+    sweep.learn_cells(some, workers=1)
+    assert digests(study) == digests(tiny_study)
 
 
 def test_what_a_killed_process_left_in_a_cell_is_removed(tiny_study, tmp_path):

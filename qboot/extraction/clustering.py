@@ -107,14 +107,15 @@ def _initial_centres(points: np.ndarray, n_clusters: int, seed: int) -> np.ndarr
 class _Blocks(NamedTuple):
     """Points, filled up to whole blocks."""
 
-    points: np.ndarray  # (blocks, BLOCK, F) float32
-    is_point: np.ndarray  # (blocks, BLOCK) float32: 1, and 0 where it is filled up
+    points: jax.Array  # (blocks, BLOCK, F) float32
+    is_point: jax.Array  # (blocks, BLOCK) float32: 1, and 0 where it is filled up
 
 
 def _in_blocks(points: np.ndarray) -> _Blocks:
     missing = -len(points) % BLOCK
     filled = np.pad(points, [(0, missing), (0, 0)]).reshape(-1, BLOCK, points.shape[1])
-    return _Blocks(filled, np.pad(np.ones(len(points), np.float32), (0, missing)).reshape(-1, BLOCK))
+    is_point = np.pad(np.ones(len(points), np.float32), (0, missing)).reshape(-1, BLOCK)
+    return _Blocks(jnp.asarray(filled), jnp.asarray(is_point))
 
 
 @jax.jit

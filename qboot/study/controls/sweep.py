@@ -5,6 +5,7 @@ interrupted, deleted and made again one by one.
 """
 
 import contextlib
+import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -22,11 +23,13 @@ from qboot.study.controls import cells as folders
 from qboot.study.controls.cells import Cell, Cells
 from qboot.study.controls.shapes import Shape, shapes_of
 from qboot.study.pipeline import learning, loop
-from qboot.study.pipeline.learning import Diverged, Learning
+from qboot.study.pipeline.extracting import ReplaysOtherwise
+from qboot.study.pipeline.learning import Learning
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files, lock, provenance
 from qboot.study.store.artifacts import key_of, read_actions, read_selection, task_of
+from qboot.study.store.files import RunError
 from qboot.study.store.output import Output
 from qboot.study.store.recipes import LEARN_CELL
 
@@ -60,8 +63,8 @@ def learn_cells(cells: Cells, workers: int) -> None:
         workers: programs at a time, >= 1; they do not change results.
 
     Raises:
-        Diverged: if learners diverged, when the others are done.
-        RunError: if another process learns in these cells.
+        RunError: if learners diverged, or have to be equipped from a lineage that replays otherwise on this machine,
+            when the others are done; at once if another process learns in these cells.
     """
     # Cells that are done may be read by others at the same time.
     owned = [cell for cell, evolved in cells.items() if not folders.is_finished(cell, evolved)]
@@ -72,16 +75,21 @@ def learn_cells(cells: Cells, workers: int) -> None:
 
 
 def _learn_cells(cells: Cells, owned: list[Cell], workers: int) -> None:
+    unequipped: dict[Cell, str] = {}
     for cell in owned:
-        folders.equip(cell, cells[cell])
-    shapes = shapes_of(list(cells))
-    pending = [cell for cell in owned if not provenance.is_whole(cell, "qlearning.csv")]
+        try:
+            folders.equip(cell, cells[cell])
+        except ReplaysOtherwise as error:  # where it was evolved, the cell can be had
+            unequipped[cell] = str(error)
+    ready = [cell for cell in cells if cell not in unequipped]
+    shapes = shapes_of(ready)
+    pending = [cell for cell in owned if cell in shapes and not provenance.is_whole(cell, "qlearning.csv")]
     for cell in pending:
         files.remove_parts(cell.folder)  # who owns the experiment owns its cells
         provenance.set_aside_faulty(cell, LEARN_CELL)
     started = {cell: _begin(cell, shapes[cell]) for cell in pending}
-    done = {cell: cell.settings.episodes for cell in cells} | {cell: begun.episodes for cell, begun in started.items()}
-    total = sum(cell.settings.episodes for cell in cells)
+    done = {cell: cell.settings.episodes for cell in ready} | {cell: begun.episodes for cell, begun in started.items()}
+    total = sum(cell.settings.episodes for cell in ready)
     first = next(iter(cells))
     label = f"ablate {first.task_name} {first.settings.what}"
     with Progress(label, "episode", total, sum(done.values())) as progress:
@@ -95,8 +103,8 @@ def _learn_cells(cells: Cells, owned: list[Cell], workers: int) -> None:
         blocks = _blocks(started, shapes, first.settings.lanes)
         with ThreadPoolExecutor(workers) as pool:
             diverged = list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
-    if words := [line for lines in diverged for line in lines]:
-        raise Diverged("; ".join(words))
+    if words := [*dict.fromkeys(unequipped.values()), *itertools.chain.from_iterable(diverged)]:
+        raise RunError("; ".join(words))
 
 
 def problem_of(cell: Cell, shape: Shape) -> Problem:

@@ -23,6 +23,10 @@ from qboot.study.store.settings import RunSettings
 ROUNDED_OTHERWISE = 0.05
 
 
+class ReplaysOtherwise(RunError):
+    """A lineage that scores otherwise than it was saved with when it is played again."""
+
+
 def extract_stage(run: Run[RunSettings], output: Output, workers: int) -> None:
     """Actions and sensors from the traces of the best-of-run's lineage: actions.npz, sensors.npz."""
     flow = replayed(run, workers)
@@ -41,14 +45,15 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
     """The learning traces: the best-of-run's lineage played again.
 
     Raises:
-        RunError: if it does not reach the scores that it was saved with, but for a few networks, which are warned of.
+        ReplaysOtherwise: if it does not reach the scores that it was saved with, but for a few networks, which are
+            warned of.
     """
     ancestors = read_lineage(run)
     with Progress(f"extract {run.label}", "network", len(ancestors.ids)) as progress:
         flow, scores = traces(source_problem(run, workers), ancestors, progress.update)
     different = ~np.isclose(scores, ancestors.scores, rtol=1e-5, atol=1e-5)
     if different.mean() > ROUNDED_OTHERWISE:
-        raise RunError(
+        raise ReplaysOtherwise(
             f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
             "version of qboot or on other hardware; evolve again on this one"
         )
