@@ -30,7 +30,7 @@ from qboot.neuroevolution.evaluation import evaluate_all
 from qboot.qlearning import LEARNERS
 from qboot.study.analysis import statistics
 from qboot.study.analysis.curves import columns, common_grid, moving_mean, source_curve, top_score
-from qboot.study.figures.drawing import STYLE, grid_of
+from qboot.study.figures.drawing import STYLE, grid_of, side_by_side
 from qboot.study.pipeline import profiles, table
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import key_of, read_lineage, task_of
@@ -228,8 +228,7 @@ def draw_scores(scores: dict) -> Figure:
 def draw_finals(panel: Axes, scores: dict[str, np.ndarray], top: float, colours: list[str]) -> None:
     """A row for each of those who have scores (n,): a dot for each, the median and its 95 % interval."""
     for place, (values, its) in enumerate(zip(scores.values(), colours, strict=False)):
-        # Side by side, so that equal scores can be counted.
-        offsets = np.linspace(-0.2, 0.2, len(values)) if len(values) > 1 else np.zeros(1)
+        offsets = side_by_side(len(values), 0.4)
         panel.plot(values, place + offsets, "o", color=its, alpha=0.35, markersize=4, markeredgewidth=0)
         panel.plot(statistics.median_interval(values), (place, place), color=its, linewidth=2.5)
         panel.plot(np.median(values), place, "o", color=its, markersize=8)

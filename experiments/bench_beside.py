@@ -3,11 +3,13 @@
     python experiments/bench_beside.py BEFORE [AFTER] [--pattern q_learning] --repeats 2
 
 Each benchmark is a process of its own, one after another, so let nothing else run. Compile times are left out, and
-sweeps of learners, which the checkouts may measure with other stores.
+benchmarks that do not tell one time: of the machine itself, of the parts of an episode, and sweeps of learners, which
+the checkouts may measure with other stores.
 """
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
@@ -17,6 +19,7 @@ from pathlib import Path
 # Under these names a benchmark tells its seconds, or how much it does in one.
 SECONDS = ("s", "median_s", "s_per_episode")
 RATES = ("steps_per_second",)
+LEFT_OUT = ("machine", "episode", "sweep")  # words in the names of those that do not tell one time
 NAMES = "import runpy; print(*runpy.run_path('experiments/bench.py')['BENCHMARKS'], sep='\\n')"
 
 
@@ -28,13 +31,13 @@ def python(code: Path, *arguments: str) -> str:
 
 
 def measured(code: Path, name: str) -> float:
-    """Seconds, or seconds of a step, of one benchmark."""
+    """Seconds, or seconds of a step, of one benchmark; NaN where it tells neither."""
     with tempfile.NamedTemporaryFile() as stream:
         python(code, "experiments/bench.py", name, "--out", stream.name)
         rows = [json.loads(line) for line in Path(stream.name).read_text().splitlines()]
     [row] = [row for row in rows if row["benchmark"] == name]  # longer names that contain it were run, too
-    [seconds] = [row[key] for key in SECONDS if key in row] + [1.0 / row[key] for key in RATES if key in row]
-    return seconds
+    seconds = [row[key] for key in SECONDS if key in row] + [1.0 / row[key] for key in RATES if key in row]
+    return seconds[0] if seconds else math.nan
 
 
 def main() -> int:
@@ -49,7 +52,7 @@ def main() -> int:
     there = [python(code, "-c", NAMES).splitlines() for code in codes]
     print(f"{'':54}{'before':>12}{'after':>12}{'after / before':>16}")
     for name in there[0]:
-        if options.pattern not in name or name not in there[1] or "sweep" in name:
+        if options.pattern not in name or name not in there[1] or any(word in name for word in LEFT_OUT):
             continue
         turns = [[measured(code, name) for code in codes] for _ in range(options.repeats)]
         before, after = (min(of_code) for of_code in zip(*turns, strict=True))

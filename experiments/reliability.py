@@ -367,7 +367,12 @@ def main() -> int:
     """Run the trials that are named, all by default."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("trials", nargs="*", metavar="TRIAL", help=", ".join(TRIALS), default=[])
-    parser.add_argument("--number", type=int, help="faults of each kind; default as in docs/reliability.md")
+    parser.add_argument(
+        "--number",
+        type=int,
+        help="of kills, or of readings of damaged files (commands and disk try all that they have); default as in "
+        "docs/reliability.md",
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--latest", type=float, default=LATEST_KILL, help="of kills, in seconds after a start")
     options = parser.parse_args()

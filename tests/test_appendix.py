@@ -209,6 +209,20 @@ def test_steps_are_drawn_where_episodes_differ_in_length(paper_sized):
         record_all(cell)
 
 
+def test_curves_end_where_all_conditions_have_been(paper_sized, tmp_path):
+    """As the tables do: a cell that serves another experiment too may have had more episodes than the others."""
+    shutil.copytree(paper_sized[0], tmp_path / "study")
+    found = cells.find(tmp_path / "study", "ball_collecting", "actions")
+    shorter = [runs.Run(cell.folder, replace(cell.settings, episodes=5_000)) for cell in found["random"]]
+    for cell in shorter:
+        columns = files.read_csv(cell.file("qlearning.csv"))
+        files.write_csv(cell.file("qlearning.csv"), {name: values[:5_000] for name, values in columns.items()})
+        record_all(cell)
+    drawn = controls.learning_by_actions(found | {"random": shorter})
+    assert drawn.shows.startswith("Median at the end: extracted 0; human 0; random 0.")  # nobody has learned by then
+    assert {line.get_xdata()[-1] for line in drawn.figure.axes[0].lines[:3]} == {5_000}
+
+
 def test_without_a_paper_conditions_are_compared_all_the_same(tiny_study, tiny_run, monkeypatch):
     monkeypatch.setattr(appendix, "task_of", lambda run: get_task("ball_collecting")._replace(paper=None))
     found = tables_of(tiny_study, [tiny_run])

@@ -4,10 +4,10 @@ import re
 import shutil
 
 import pytest
+from conftest import claims_of, record_all
 
 from qboot import cli
 from qboot.study.analysis import verdicts
-from qboot.study.analysis.claims import claims
 from qboot.study.analysis.rules import CANNOT_TELL
 from qboot.study.controls.cells import find
 from qboot.study.controls.conditions import WHATS
@@ -39,6 +39,8 @@ def test_a_report_on_what_is_published_has_the_same_figures(tiny_study, publishe
     for name, drawn in of_whole.items():
         assert len(drawn) == 1 and of_copy[name] == ([] if name in OF_Q_NETWORKS else drawn), name
     assert "qnets.npz" in (copy / "report.html").read_text()
+    for folder in (whole, copy):  # no stage is called missing for a file that is never published
+        assert '<td class="number">missing' not in (folder / "report.html").read_text()
 
 
 def test_what_is_published_is_all_but_q_networks_and_gives_the_same_numbers(tiny_study, published):
@@ -70,9 +72,66 @@ def test_a_folder_is_not_published_over(tiny_study, published):
         publishing.publish(published / "none", published / "new")
 
 
+@pytest.fixture
+def timed(tiny_study, tmp_path):
+    """A copy of the study that may be changed, as a runner leaves it: with times beside what was made."""
+    study = tmp_path / "studies" / "timed"
+    shutil.copytree(tiny_study, study)
+    for folder in ("ball_collecting/A-0", "ablations/ball_collecting/sensors", "ablations/box_pushing/sensors"):
+        (study / folder).mkdir(parents=True, exist_ok=True)
+        (study / folder / "timing.csv").write_text("evolve,1.0\n")
+    return study
+
+
+def test_times_are_published_of_what_is_published(timed, tmp_path):
+    publishing.publish(timed, tmp_path / "new" / "out")
+    times = {str(path.relative_to(tmp_path / "new" / "out")) for path in tmp_path.rglob("new/out/**/timing.csv")}
+    # Box pushing has no cells: the times of such as began and left nothing are nobody's.
+    assert times == {"ball_collecting/A-0/timing.csv", "ablations/ball_collecting/sensors/timing.csv"}
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("ball_collecting/A-0/lineage.npz", b"PK"),
+        ("ball_collecting/A-0/files.json", b"{"),
+        ("ball_collecting/B-0/config.json", b"{"),
+        ("ablations/ball_collecting/sensors/random/0/qlearning.csv", b"episode,score\n"),
+        ("ablations/ball_collecting/sensors/random/0/config.json", b"{"),
+    ],
+)
+def test_of_a_study_with_a_damaged_file_nothing_is_published(timed, tmp_path, name, content):
+    path, out = timed / name, tmp_path / "new" / "out"
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(content)
+    (path.parent / "timing.csv").write_text("evolve,1.0\n")
+    with pytest.raises(RunError, match=str(path.parent)):
+        publishing.publish(timed, out)
+    assert not out.parent.exists()
+
+
+def test_cells_of_a_run_that_was_made_anew_are_not_published(timed, tmp_path):
+    [run] = runs.find(timed)
+    run.file("lineage.npz").write_bytes(run.file("lineage.npz").read_bytes() + b" ")
+    record_all(run)
+    with pytest.raises(RunError, match=r"ablations/.* was made with other settings, or from other files"):
+        publishing.publish(timed, tmp_path / "out")
+
+
+def test_a_copy_that_fails_halfway_leaves_nothing(timed, tmp_path, monkeypatch):
+    def copyfile(source, target):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr(publishing.shutil, "copyfile", copyfile)
+        publishing.publish(timed, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["studies"]
+    assert publishing.publish(timed, tmp_path / "out") > 0
+
+
 def test_every_claim_has_an_answer_and_a_reason(tiny_study):
     some = runs.find(tiny_study)
-    found = claims({what: find(tiny_study, "ball_collecting", what) for what in WHATS}, some)
+    found = claims_of({what: find(tiny_study, "ball_collecting", what) for what in WHATS}, some)
     assert len(found) == 11 + 3 + 10
     assert all(claim.verdict.why and claim.printed and claim.section for claim in found)
     assert {claim.verdict.answer for claim in found} == {CANNOT_TELL}  # one tiny run tells nothing

@@ -20,7 +20,7 @@ from qboot.study.figures import catalogue, drawing
 from qboot.study.pipeline import profiles
 from qboot.study.pipeline.table import STAGES
 from qboot.study.report import page as report
-from qboot.study.report import player, templating
+from qboot.study.report import player, tables, templating
 from qboot.study.store import files, runs
 from qboot.study.store.artifacts import read_lineage, task_of
 from qboot.study.store.files import RunError
@@ -145,6 +145,26 @@ def test_a_damaged_file_is_named(tiny_run, tmp_path):
     page = report.write(tmp_path).read_text()
     assert "actions.npz is damaged" in page
     assert "history.csv is damaged, or was changed: run `qboot evolve --out" in page
+
+
+@pytest.mark.parametrize(
+    ("name", "columns"),
+    [
+        ("lineage.npz", ["lineage"]),
+        ("actions.npz", ["segments", "durations", "inputs"]),
+        ("sensors.npz", ["segments", "durations", "inputs"]),
+        ("qlearning.csv", ["QL best", "episodes to 6", "QL mean of last 100"]),
+        ("generalisation.csv", ["ER on new domains", "QL on new domains"]),
+    ],
+)
+@pytest.mark.parametrize("is_damaged", [False, True])
+def test_a_file_that_is_missing_leaves_dashes_in_its_own_columns(tiny_run, tmp_path, name, columns, is_damaged):
+    run = copied(tiny_run, tmp_path)
+    head = tables.header(run)
+    whole = dict(zip(head, tables.row(run), strict=True))
+    run.file(name).write_bytes(b"PK") if is_damaged else run.file(name).unlink()
+    assert dict(zip(head, tables.row(run), strict=True)) == whole | dict.fromkeys(columns, "-")
+    assert whole["segments"].isdecimal() and whole["inputs"].isdecimal()
 
 
 def test_nothing_but_a_configuration_is_reported(tmp_path):

@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import record_all, tiny_settings
+from conftest import claims_of, record_all, tiny_settings
 
+from qboot.study.analysis.claims import Claim, counted
+from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, Verdict
 from qboot.study.analysis.summary import summary
 from qboot.study.controls.cells import find
 from qboot.study.controls.conditions import WHATS
@@ -15,6 +17,10 @@ from qboot.study.report import page
 from qboot.study.store import files, publishing, runs
 
 NO_CELLS = {what: {} for what in WHATS}
+
+
+def summarised(cells, some):
+    return summary(cells, some, claims_of(cells, some))
 
 
 @pytest.fixture
@@ -34,7 +40,7 @@ def scored(tmp_path):
 
 
 def test_what_came_out_is_told_by_medians_and_ranges(scored):
-    found = summary(NO_CELLS, scored).found
+    found = summarised(NO_CELLS, scored).found
     assert found[:2] == [
         "Source set, of 8: evolution's best at the end 6 (median of 5, 4 to 8); "
         "Q-learning, mean of the last 20 episodes 6 (median of 5, 6 to 6).",
@@ -42,28 +48,45 @@ def test_what_came_out_is_told_by_medians_and_ranges(scored):
         "the Q-policy 14 (median of 5, 10 to 18).",
     ]
     assert "after learning" not in " ".join(found)  # nobody has learned there
-    assert found[-1].startswith("Of the paper's ") and " agree, " in found[-1]
+    assert found[-1] == "Of the paper's 24 claims 1 agrees, 3 differ and of 20 it cannot be told."
+
+
+@pytest.mark.parametrize(
+    ("n_of_each", "words"),
+    [
+        ((4, 1, 19), "24 claims 4 agree, 1 differs and of 19 it cannot be told."),
+        ((1, 0, 2), "3 claims 1 agrees, 0 differ and of 2 it cannot be told."),
+        ((0, 0, 1), "1 claim 0 agree, 0 differ and of 1 it cannot be told."),
+    ],
+)
+def test_claims_are_counted_in_a_sentence(n_of_each, words):
+    answers = [answer for answer, n in zip((AGREES, DIFFERS, CANNOT_TELL), n_of_each, strict=True) for _ in range(n)]
+    some = [Claim("", "", "", "", 5, Verdict(answer, "")) for answer in answers]
+    assert counted(some) == f"Of the paper's {words}"
 
 
 def test_few_reduced_or_incomplete_runs_are_said(scored):
-    few, reduced, incomplete = summary(NO_CELLS, scored[:2]).trust
+    few, reduced, incomplete = summarised(NO_CELLS, scored[:2]).trust
     assert few == "2 runs: chance alone can make such differences, at least 5 are compared."
-    assert reduced.startswith("The sizes of this study are reduced: 1 of 8 is below the paper's")  # the number of runs
+    assert reduced == (  # in the number of runs
+        "The sizes of this study are reduced: 1 of 8 is below the paper's, therefore many of the numbers cannot be "
+        "compared with the paper's. They show that every step works, and where it leads."
+    )
     assert incomplete == "2 of 2 runs are not complete. Missing: evolve, extract, transfer in A-0, A-1."
     small = runs.Run(scored[0].folder, tiny_settings())
-    assert summary(NO_CELLS, [small]).trust[1].startswith("The sizes of this study are reduced: 8 of 8 are below")
-    assert not any("chance alone" in sentence for sentence in summary(NO_CELLS, scored).trust)
+    assert summarised(NO_CELLS, [small]).trust[1].startswith("The sizes of this study are reduced: 8 of 8 are below")
+    assert not any("chance alone" in sentence for sentence in summarised(NO_CELLS, scored).trust)
 
 
 def test_a_published_study_is_as_complete_as_it_was(tiny_study, tmp_path):
     publishing.publish(tiny_study, tmp_path / "published")
-    told = summary(NO_CELLS, runs.find(tmp_path / "published"))
+    told = summarised(NO_CELLS, runs.find(tmp_path / "published"))
     assert not any("not complete" in sentence for sentence in told.trust)
 
 
 def test_a_complete_study_is_told(tiny_study, tiny_run):
     cells = {what: find(tiny_study, "ball_collecting", what) for what in WHATS}
-    told = summary(cells, runs.find(tiny_study))
+    told = summarised(cells, runs.find(tiny_study))
     assert told.done == [
         "1 run (source set A; profile tiny): 8 networks evolve for 3 generations, then Q-learning for 3 episodes with "
         "the actions and sensors extracted from them; rollouts of at most 240 timesteps.",
@@ -76,7 +99,7 @@ def test_a_complete_study_is_told(tiny_study, tiny_run):
 def test_other_physics_than_that_of_record_is_said(tmp_path):
     settings = replace(profiles.settings_of("box_pushing", "paper", "A", 0), physics="kinematic")
     run = runs.create(tmp_path / "box_pushing" / "A-0", settings)
-    told = summary(NO_CELLS, [run])
+    told = summarised(NO_CELLS, [run])
     assert told.trust[-1] == "Physics kinematic, not that of record (mjx)."
     assert told.found[0].startswith("Of the paper's") and "0 agree, 0 differ" in told.found[0]
 

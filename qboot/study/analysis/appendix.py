@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from qboot.study.analysis import rules, verdicts
-from qboot.study.analysis.control_measures import CONTROL_MEASURES, common_episodes
+from qboot.study.analysis.control_measures import CONTROL_MEASURES, CellsByCondition, common_episodes
 from qboot.study.analysis.curves import top_score
 from qboot.study.analysis.measures import EVOLVED
 from qboot.study.analysis.printed import SAME, ControlConclusion, TestTable
@@ -19,9 +19,7 @@ from qboot.study.analysis.verdicts import Finding
 from qboot.study.pipeline import profiles
 from qboot.study.store.artifacts import task_of
 from qboot.study.store.runs import Run
-from qboot.study.store.settings import CellSettings, RunSettings
-
-Cells = dict[str, list[Run[CellSettings]]]  # finished cells of one experiment by condition
+from qboot.study.store.settings import RunSettings
 
 
 class Pair(NamedTuple):
@@ -44,7 +42,7 @@ class Table(NamedTuple):
     pairs: dict[tuple[str, str], Pair]
 
 
-def tables(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Table]:
+def tables(cells: dict[str, CellsByCondition], some: list[Run[RunSettings]]) -> list[Table]:
     """The tables of a task: the paper's, or, where none tells of it, one of each experiment's performance.
 
     Args:
@@ -61,26 +59,26 @@ def tables(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Table]
     return found
 
 
-def findings(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Finding]:
+def findings(cells: dict[str, CellsByCondition], some: list[Run[RunSettings]]) -> list[Finding]:
     """The paper's conclusions from a task's control experiments, tested on our cells; arguments as for `tables`."""
     paper = task_of(some[0]).paper
     conclusions = paper().control_conclusions if paper else ()
     return [_finding(each, cells[each.what], some) for each in conclusions]
 
 
-def shortfall(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
+def shortfall(cells: CellsByCondition, what: str, some: list[Run[RunSettings]]) -> str:
     """In what the cells of an experiment, or the evolved runs behind them, are smaller than the paper's, in words."""
     of_runs = _shortfall_of_runs(cells, some, ("population", EVOLVED, "n_steps", "horizon"))
     return of_runs or _shortfall_of_cells(cells, what, some, ("episodes", "n_steps"))
 
 
-def shortfall_of_order(cells: Cells, what: str, some: list[Run[RunSettings]]) -> str:
+def shortfall_of_order(cells: CellsByCondition, what: str, some: list[Run[RunSettings]]) -> str:
     """The same for a claim that one condition is better than another, which can show after fewer episodes too."""
     of_runs = _shortfall_of_runs(cells, some, verdicts.NEEDED_FOR_ORDER)
     return of_runs or _shortfall_of_cells(cells, what, some, ("n_steps",))
 
 
-def _shortfall_of_runs(cells: Cells, some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
+def _shortfall_of_runs(cells: CellsByCondition, some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
     """That of the runs that the cells were begun from."""
     behind = {cell.settings.evolved for of_condition in cells.values() for cell in of_condition}
     if gone := behind - {run.folder.name for run in some}:
@@ -88,7 +86,9 @@ def _shortfall_of_runs(cells: Cells, some: list[Run[RunSettings]], needs: tuple[
     return verdicts.shortfall([run for run in some if run.folder.name in behind], needs)
 
 
-def _shortfall_of_cells(cells: Cells, what: str, some: list[Run[RunSettings]], needs: tuple[str, ...]) -> str:
+def _shortfall_of_cells(
+    cells: CellsByCondition, what: str, some: list[Run[RunSettings]], needs: tuple[str, ...]
+) -> str:
     task = task_of(some[0])
     settings = [cell.settings for of_condition in cells.values() for cell in of_condition]
     for name, unit, needed in (
@@ -101,7 +101,7 @@ def _shortfall_of_cells(cells: Cells, what: str, some: list[Run[RunSettings]], n
     return ""
 
 
-def _own_tables(cells: dict[str, Cells]) -> list[TestTable]:
+def _own_tables(cells: dict[str, CellsByCondition]) -> list[TestTable]:
     return [
         TestTable(
             f"{what.replace('n_', 'number of ').capitalize()}: performance",
@@ -115,7 +115,7 @@ def _own_tables(cells: dict[str, Cells]) -> list[TestTable]:
     ]
 
 
-def _table(table: TestTable, share: float, cells: Cells, short: str) -> Table:
+def _table(table: TestTable, share: float, cells: CellsByCondition, short: str) -> Table:
     names = list(dict.fromkeys(name for pair in table.printed for name in pair))
     episodes = int(share * common_episodes(cells)) if cells else 0
     values = {name: _values(cells, name, table.measure, episodes) for name in names}
@@ -139,7 +139,7 @@ def _pair(first: np.ndarray, second: np.ndarray, printed: tuple[float, ...] | No
     return Pair(n_cells, medians, comparison, a12_interval(first, second), printed, verdict)
 
 
-def _finding(claim: ControlConclusion, cells: Cells, some: list[Run[RunSettings]]) -> Finding:
+def _finding(claim: ControlConclusion, cells: CellsByCondition, some: list[Run[RunSettings]]) -> Finding:
     conclusion = claim.conclusion
     names = conclusion.first, conclusion.second
     episodes = common_episodes(cells) if cells else 0
@@ -151,5 +151,5 @@ def _finding(claim: ControlConclusion, cells: Cells, some: list[Run[RunSettings]
     return verdicts.found_on(conclusion, first, second, top, float(scores.max(initial=0.0)), short)
 
 
-def _values(cells: Cells, condition: str, measure: str, episodes: int) -> np.ndarray:
+def _values(cells: CellsByCondition, condition: str, measure: str, episodes: int) -> np.ndarray:
     return np.array([CONTROL_MEASURES[measure](cell, episodes) for cell in cells.get(condition, [])])

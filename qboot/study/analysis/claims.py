@@ -5,14 +5,10 @@ The claims are those of the task's `paper.py`: its numbers, its conclusions on r
 
 from typing import NamedTuple
 
-from qboot.study.analysis import appendix, verdicts
-from qboot.study.analysis.appendix import Cells
 from qboot.study.analysis.printed import SAME
 from qboot.study.analysis.rules import AGREES, CANNOT_TELL, DIFFERS, Verdict
 from qboot.study.analysis.verdicts import Finding, Row
-from qboot.study.analysis.words import as_number
-from qboot.study.store.runs import Run
-from qboot.study.store.settings import RunSettings
+from qboot.study.analysis.words import as_number, count
 
 
 class Claim(NamedTuple):
@@ -26,23 +22,24 @@ class Claim(NamedTuple):
     verdict: Verdict
 
 
-def claims(cells: dict[str, Cells], some: list[Run[RunSettings]]) -> list[Claim]:
+def claims(rows: list[Row], findings: list[Finding]) -> list[Claim]:
     """The claims on one task, in the order of the paper; none without a paper.
 
     Args:
-        cells: finished cells of each control experiment by its name.
-        some: all runs of the task in the study, at least one.
+        rows: of `verdicts.rows`.
+        findings: of `verdicts.findings`, then of `appendix.findings`.
     """
-    numbers = [_number(row) for row in verdicts.rows(some) if row.printed and row.printed.value is not None]
-    return numbers + [_order(each) for each in (*verdicts.findings(some), *appendix.findings(cells, some))]
+    numbers = [_number(row) for row in rows if row.printed and row.printed.value is not None]
+    return numbers + [_order(finding) for finding in findings]
 
 
 def counted(some: list[Claim]) -> str:
     """How many claims have which answer, in a sentence."""
     answers = [claim.verdict.answer for claim in some]
+    agree, differ, untold = map(answers.count, (AGREES, DIFFERS, CANNOT_TELL))
     return (
-        f"Of the paper's {len(answers)} claims {answers.count(AGREES)} agree, {answers.count(DIFFERS)} differ and of "
-        f"{answers.count(CANNOT_TELL)} it cannot be told."
+        f"Of the paper's {count(len(answers), 'claim')} {agree} {AGREES if agree == 1 else 'agree'}, "
+        f"{differ} {DIFFERS if differ == 1 else 'differ'} and of {untold} it cannot be told."
     )
 
 

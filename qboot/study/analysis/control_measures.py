@@ -11,6 +11,8 @@ from qboot.study.store.artifacts import read_selection
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings
 
+CellsByCondition = dict[str, list[Run[CellSettings]]]  # the finished ones of one experiment
+
 
 def performance_curve(cell: Run[CellSettings]) -> Curve:
     """Score on the source set, as a mean over the last WINDOW episodes."""
@@ -22,7 +24,7 @@ def steps_curve(cell: Run[CellSettings]) -> Curve:
     return moving_mean(Curve(*columns(cell, "qlearning.csv", "episode", "steps")), WINDOW)
 
 
-def common_episodes(cells: dict[str, list[Run[CellSettings]]]) -> int:
+def common_episodes(cells: CellsByCondition) -> int:
     """Episodes that all cells of an experiment had; one that serves another experiment too may have had more."""
     return min(cell.settings.episodes for some in cells.values() for cell in some)
 

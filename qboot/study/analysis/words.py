@@ -12,3 +12,8 @@ def as_number(value: float) -> str:
     if abs(value) >= 100 or value == int(value):
         return f"{value:,.0f}"
     return f"{value:.3g}"
+
+
+def count(n: int, noun: str) -> str:
+    """So many of something."""
+    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from qboot.envs import get_task, names
 from qboot.envs.task import Task
+from qboot.study.analysis.control_measures import CellsByCondition
 from qboot.study.analysis.printed import PrintedFigure
 from qboot.study.controls import cells
 from qboot.study.figures import behaviour, controls, environment, scores, segmentation
@@ -36,7 +37,7 @@ class ControlPlot(NamedTuple):
     """A figure on a control experiment, whose name is that of the experiment (`qboot.study.controls.conditions`)."""
 
     title: str
-    draw: Callable[[controls.Cells], Drawn]  # from the cells of one task by condition
+    draw: Callable[[CellsByCondition], Drawn]  # from the cells of one task by condition
 
 
 def nothing(task: Task) -> bool:

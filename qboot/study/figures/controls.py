@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from qboot.envs.scene import BLUE, GREEN, GREY, ORANGE, RED, VIOLET
 from qboot.study.analysis.control_measures import (
+    CellsByCondition,
     average_performance,
     common_episodes,
     n_inputs,
@@ -18,15 +19,14 @@ from qboot.study.analysis.control_measures import (
 from qboot.study.analysis.curves import Curve, columns, common_grid, top_score
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.statistics import median_and_quartiles, quartiles
-from qboot.study.figures.drawing import Drawn, new_figure
+from qboot.study.figures.drawing import Drawn, draw_boxes, new_figure
 from qboot.study.store.runs import Run
 from qboot.study.store.settings import CellSettings
 
-Cells = dict[str, list[Run[CellSettings]]]  # by condition
 COLOURS = (RED, GREEN, BLUE, ORANGE, VIOLET)
 
 
-def learning_by_actions(cells: Cells) -> Drawn:
+def learning_by_actions(cells: CellsByCondition) -> Drawn:
     """Scores against episodes with each set of actions; below them, where episodes differ in length, their steps."""
     varies = _lengths_vary(cells)
     figure, axes = new_figure(1 + varies, 1, 7.5, 4.2 + 2.6 * varies, sharex=True)
@@ -46,7 +46,7 @@ def learning_by_actions(cells: Cells) -> Drawn:
     return Drawn(figure, shows, _labels(cells))
 
 
-def performance_by_sensors(cells: Cells) -> Drawn:
+def performance_by_sensors(cells: CellsByCondition) -> Drawn:
     """Final performance, and the number of inputs below it, with each choice of sensors."""
     figure, axes = new_figure(2, 1, 7.5, 6.0, sharex=True)
     episodes = common_episodes(cells)
@@ -63,7 +63,7 @@ def performance_by_sensors(cells: Cells) -> Drawn:
     return Drawn(figure, f"Medians: {ends}. A dot is a learner.", _labels(cells))
 
 
-def performance_by_n_actions(cells: Cells) -> Drawn:
+def performance_by_n_actions(cells: CellsByCondition) -> Drawn:
     """Final and average performance against the number of actions."""
     figure, [[axes]] = new_figure(1, 1, 7.5, 4.2)
     numbers, episodes = [int(name) for name in cells], common_episodes(cells)
@@ -85,11 +85,11 @@ def performance_by_n_actions(cells: Cells) -> Drawn:
     return Drawn(figure, f"Median of the final performance: {ends}. Bands are quartiles.", _labels(cells))
 
 
-def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run[CellSettings]], Curve]) -> dict[str, float]:
-    """Draw median and quartiles of each condition; return the medians at the end."""
-    medians = {}
+def _draw_curves(axes: Axes, cells: CellsByCondition, read: Callable[[Run[CellSettings]], Curve]) -> dict[str, float]:
+    """Draw median and quartiles of each condition, all for as many episodes; return the medians at the end."""
+    medians, episodes = {}, common_episodes(cells)
     for colour, (name, some) in zip(itertools.cycle(COLOURS), cells.items(), strict=False):
-        curves = [read(cell) for cell in some]
+        curves = [Curve(*(column[:episodes] for column in read(cell))) for cell in some]
         grid = common_grid(curves)
         found = median_and_quartiles(curves, grid)
         axes.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.2, linewidth=0)
@@ -98,31 +98,25 @@ def _draw_curves(axes: Axes, cells: Cells, read: Callable[[Run[CellSettings]], C
     return medians
 
 
-def _draw_boxes(axes: Axes, cells: Cells, measure: Callable[[Run[CellSettings], int], float]) -> None:
-    values = [_values(some, measure, common_episodes(cells)) for some in cells.values()]
-    boxes = axes.boxplot(values, widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"})
-    for place, (box, colour) in enumerate(zip(boxes["boxes"], itertools.cycle(COLOURS), strict=False), start=1):
-        box.set(facecolor=colour, alpha=0.35)
-        found = values[place - 1]
-        # Side by side, so that equal values can be counted.
-        offsets = np.linspace(-0.15, 0.15, len(found)) if len(found) > 1 else np.zeros(1)
-        axes.plot(place + offsets, found, "o", color=colour, markersize=4, alpha=0.8)
+def _draw_boxes(axes: Axes, cells: CellsByCondition, measure: Callable[[Run[CellSettings], int], float]) -> None:
+    episodes = common_episodes(cells)
+    draw_boxes(axes, [_values(some, measure, episodes) for some in cells.values()], itertools.cycle(COLOURS))
 
 
-def _score_axis(axes: Axes, cells: Cells, label: str = "score") -> None:
+def _score_axis(axes: Axes, cells: CellsByCondition, label: str = "score") -> None:
     top = top_score(_first(cells), "source")
     axes.axhline(top, color=GREY, linestyle=":", linewidth=1)
     axes.set(ylim=(-0.03 * top, 1.06 * top), ylabel=f"{label}, of {top:.0f}")
     axes.grid(axis="y")
 
 
-def _lengths_vary(cells: Cells) -> bool:
+def _lengths_vary(cells: CellsByCondition) -> bool:
     """Whether some episodes took more steps than others."""
     steps = [columns(cell, "qlearning.csv", "steps")[0] for some in cells.values() for cell in some]
     return bool(np.ptp(np.concatenate(steps)) > 0)
 
 
-def _first(cells: Cells) -> Run[CellSettings]:
+def _first(cells: CellsByCondition) -> Run[CellSettings]:
     return next(iter(cells.values()))[0]
 
 
@@ -132,5 +126,5 @@ def _values(
     return np.array([measure(cell, episodes) for cell in some])
 
 
-def _labels(cells: Cells) -> list[str]:
+def _labels(cells: CellsByCondition) -> list[str]:
     return [f"{name}-{cell.settings.seed}" for name, some in cells.items() for cell in some]

@@ -1,5 +1,6 @@
 """Drawing on matplotlib: the look of all figures, scenes and the paths in them."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +61,19 @@ def draw_path(axes: Axes, shape: Shape, colours: list[str] | str, widths: float 
     points = np.column_stack([shape.x, shape.y])
     segments = np.stack([points[:-1], points[1:]], axis=1)
     axes.add_collection(LineCollection(list(segments), colors=colours, linewidths=widths, capstyle="round", zorder=3))
+
+
+def draw_boxes(axes: Axes, samples: list[np.ndarray], colours: Iterable[str]) -> None:
+    """A box for each sample (n,) at 1, 2 and so on, and over it a dot for each value."""
+    boxes = axes.boxplot(samples, widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"})
+    for place, (box, values, colour) in enumerate(zip(boxes["boxes"], samples, colours, strict=False), start=1):
+        box.set(facecolor=colour, alpha=0.35)
+        axes.plot(place + side_by_side(len(values), 0.3), values, "o", color=colour, markersize=4, alpha=0.8)
+
+
+def side_by_side(n: int, width: float) -> np.ndarray:
+    """Offsets (n,) of dots, so that equal values can be counted; none for a single one."""
+    return np.linspace(-width / 2, width / 2, n) if n > 1 else np.zeros(n)
 
 
 def is_active(shape: Shape) -> np.ndarray:

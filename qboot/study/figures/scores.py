@@ -21,7 +21,7 @@ from qboot.study.analysis.gathering import gather
 from qboot.study.analysis.measures import WINDOW
 from qboot.study.analysis.so_far import curves_so_far
 from qboot.study.analysis.statistics import mann_whitney, median_and_quartiles
-from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, new_figure
+from qboot.study.figures.drawing import METHOD_COLOURS, METHOD_LABELS, Drawn, draw_boxes, new_figure
 from qboot.study.pipeline.loop import SECONDS_BETWEEN_SAVES
 from qboot.study.store.files import RunError
 from qboot.study.store.runs import Run
@@ -65,14 +65,7 @@ def generalising(runs: list[Run[RunSettings]]) -> Drawn:
         raise RunError("no run has generalisation.csv: run the stage transfer")
     evolved, learned = np.array(list(found.values())).T
     figure, [[axes]] = new_figure(1, 1, 5.0, 4.0)
-    boxes = axes.boxplot(
-        [evolved, learned], widths=0.5, showfliers=False, patch_artist=True, medianprops={"color": "black"}
-    )
-    for place, (method, values) in enumerate({"ER": evolved, "QL": learned}.items(), start=1):
-        boxes["boxes"][place - 1].set(facecolor=METHOD_COLOURS[method], alpha=0.35)
-        # Side by side, so that equal scores can be counted.
-        offsets = np.linspace(-0.15, 0.15, len(values)) if len(values) > 1 else np.zeros(1)
-        axes.plot(place + offsets, values, "o", color=METHOD_COLOURS[method], markersize=4, alpha=0.8)
+    draw_boxes(axes, [evolved, learned], [METHOD_COLOURS["ER"], METHOD_COLOURS["QL"]])
     top = top_score(runs[0], "target")
     axes.set_xticks([1, 2], [METHOD_LABELS["ER"], METHOD_LABELS["QL"]])
     axes.set(ylim=(-0.04 * top, 1.04 * top), ylabel=f"score on the target set, of {top:.0f}")

@@ -13,9 +13,6 @@ from qboot.neuroevolution.settings import EvolutionSettings
 from qboot.qlearning.settings import LearnerSettings
 from qboot.study.store.settings import RunSettings
 
-PROFILES = ("smoke", "quick", "standard", "paper")
-"""Does it all work? Curves that rise. Nights on a desktop. The sizes of the paper."""
-
 
 @dataclass(frozen=True)
 class Size:
@@ -63,7 +60,8 @@ USUAL = Costs(START, 9.0, 4.5, 4.4e-7, 1.3e-6, 5e-6, 8e-11, 1.0, 1.0)
 class Defaults(NamedTuple):
     """What a task's runs are made with, unless told otherwise."""
 
-    sizes: Mapping[str, Size]  # by profile
+    # By profile. Smoke: does it all work? Quick: curves that rise. Standard: nights on a desktop. Paper: its sizes.
+    sizes: Mapping[str, Size]
     controls: Mapping[str, Mapping[str, ControlSize]]  # by profile, then by control experiment
     learner: LearnerSettings
     evolution: EvolutionSettings = EvolutionSettings()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from qboot.study.analysis import appendix, verdicts
 from qboot.study.analysis.claims import claims, counted
 from qboot.study.analysis.rules import RULES
 from qboot.study.controls.cells import find, folder_of
@@ -80,8 +81,9 @@ def _made_with(study: Path, some: Runs) -> str:
 def _section(study: Path, some: Runs, figures: Path) -> str:
     task_name = some[0].settings.task
     cells = {what: find(study, task_name, what) for what in WHATS}
-    lines = [f"## {as_title(some[0].task_name)}", "", counted(claims(cells, some)), ""]
-    for title, table in tables.of_task(some, cells).items():
+    answered = claims(verdicts.rows(some), [*verdicts.findings(some), *appendix.findings(cells, some)])
+    lines = [f"## {as_title(some[0].task_name)}", "", counted(answered), ""]
+    for title, table in tables.of_task(some, cells, answered).items():
         lines += [f"### {title}", "", table, ""]
     for name in PLOTS:
         lines += _figure(name, some, partial(catalogue.draw, name, some), figures)

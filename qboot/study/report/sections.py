@@ -10,10 +10,12 @@ import numpy as np
 
 from qboot.envs.task import Task
 from qboot.study.analysis import appendix, sizes, verdicts
+from qboot.study.analysis.claims import claims
+from qboot.study.analysis.control_measures import CellsByCondition
 from qboot.study.analysis.gathering import best_run, best_score, gather
 from qboot.study.analysis.printed import PrintedFigure
-from qboot.study.analysis.summary import Summary, summary
-from qboot.study.analysis.verdicts import Row
+from qboot.study.analysis.summary import Summary, has_numbers, summary
+from qboot.study.analysis.verdicts import Finding, Row
 from qboot.study.controls.cells import faults, find, folder_of
 from qboot.study.controls.conditions import WHATS, conditions
 from qboot.study.figures import catalogue
@@ -92,7 +94,7 @@ class RunLine(NamedTuple):
 
     run: Run[RunSettings]
     best: float  # best score of ER on the source set, NaN if it has none
-    done: dict[str, bool]  # by stage
+    done: dict[str, bool]  # by stage, as far as numbers go
     seconds: dict[str, float]  # wall time by stage, where it was recorded
 
 
@@ -107,22 +109,22 @@ def section(study: Path, some: Runs) -> Section:
     """All that the page says on the task of `some` runs of a study."""
     task = task_of(some[0])
     cells, missing = _cells(study, some)
-    rows = verdicts.rows(some)
+    rows, on_runs, on_cells = verdicts.rows(some), verdicts.findings(some), appendix.findings(cells, some)
+    answered = claims(rows, [*on_runs, *on_cells])
     missing += sorted({reason for row in rows for reason in row.missing})
     parts = [
-        *_conclusions(task, some),
+        *_conclusions(on_runs),
         *_figures(task, some),
         *_watched(task, some),
-        *_controls(study, task, some, cells),
+        *_controls(study, task, some, cells, on_cells),
         *_numbers(task, rows),
         Part("sizes", "sizes", "Sizes", "Sizes", sizes.rows(some)),
         Part("runs", "runs", "Runs", "Runs", RunTable([_line(run) for run in some], missing)),
     ]
-    return Section(task.name, task.paper is not None, summary(cells, some), parts)
+    return Section(task.name, task.paper is not None, summary(cells, some, answered), parts)
 
 
-def _conclusions(task: Task, some: Runs) -> list[Part]:
-    found = verdicts.findings(some)
+def _conclusions(found: list[Finding]) -> list[Part]:
     return [Part("conclusions", "conclusions", "Conclusions", "The paper's conclusions", found)] if found else []
 
 
@@ -142,9 +144,9 @@ def _figures(task: Task, some: Runs) -> list[Part]:
     return found
 
 
-def _cells(study: Path, some: Runs) -> tuple[dict[str, appendix.Cells], list[str]]:
+def _cells(study: Path, some: Runs) -> tuple[dict[str, CellsByCondition], list[str]]:
     """The finished cells of each experiment, and why others cannot be read."""
-    found: dict[str, appendix.Cells] = {}
+    found: dict[str, CellsByCondition] = {}
     missing = []
     for what in WHATS:
         try:
@@ -159,14 +161,15 @@ def _cells(study: Path, some: Runs) -> tuple[dict[str, appendix.Cells], list[str
     return found, missing
 
 
-def _controls(study: Path, task: Task, some: Runs, cells: dict[str, appendix.Cells]) -> list[Part]:
-    """The control experiments that there are cells of."""
+def _controls(
+    study: Path, task: Task, some: Runs, cells: dict[str, CellsByCondition], found: list[Finding]
+) -> list[Part]:
+    """The control experiments that there are cells of, and what was found on them."""
     if not any(cells.values()):
         return []
     heading = "Control experiments (section VII, appendix A)"
     tables = [table for table in appendix.tables(cells, some) if table.episodes]
-    findings = appendix.findings(cells, some)
-    parts = [Part("controls", "controls", "Control experiments", heading, findings)]
+    parts = [Part("controls", "controls", "Control experiments", heading, found)]
     for what in (what for what in WHATS if cells[what]):
         of_experiment = [table for table in tables if table.table.what == what]
         experiment = _experiment(study, task, some[0].settings.task, what, cells[what], of_experiment)
@@ -175,7 +178,7 @@ def _controls(study: Path, task: Task, some: Runs, cells: dict[str, appendix.Cel
 
 
 def _experiment(
-    study: Path, task: Task, task_name: str, what: str, cells: appendix.Cells, tables: list[appendix.Table]
+    study: Path, task: Task, task_name: str, what: str, cells: CellsByCondition, tables: list[appendix.Table]
 ) -> Experiment:
     printed = catalogue.printed_as(task, what)
     return Experiment(
@@ -218,4 +221,4 @@ def _picture(title: str, printed: PrintedFigure | None, draw: Callable[[], Drawn
 
 def _line(run: Run[RunSettings]) -> RunLine:
     best = gather([run], best_score).found.get(run, np.nan)
-    return RunLine(run, best, {stage.name: stage.is_done(run) for stage in STAGES}, seconds_by_step(run.folder))
+    return RunLine(run, best, {stage.name: has_numbers(run, stage) for stage in STAGES}, seconds_by_step(run.folder))

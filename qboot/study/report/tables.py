@@ -1,13 +1,15 @@
 """Tables of a study in Markdown: runs, learning in new domains, control experiments, tests, claims."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from qboot.study.analysis import appendix, sizes
 from qboot.study.analysis.appendix import Table
-from qboot.study.analysis.claims import Claim, claims
+from qboot.study.analysis.claims import Claim
 from qboot.study.analysis.control_measures import (
+    CellsByCondition,
     average_performance,
     common_episodes,
     n_inputs,
@@ -22,7 +24,7 @@ from qboot.study.analysis.words import as_number
 from qboot.study.store import provenance
 from qboot.study.store.artifacts import lineage_length, read_arrays, read_columns
 from qboot.study.store.runs import Run
-from qboot.study.store.settings import CellSettings, RunSettings
+from qboot.study.store.settings import RunSettings
 
 # What is measured of learning in new domains.
 ON_TARGET = [name for name in RUN_MEASURES if name.endswith(", target")]
@@ -52,29 +54,19 @@ def first_at_least(values: list[str], score: float, positions: list[str]) -> str
 
 
 def row(run: Run[RunSettings]) -> list[str]:
-    """The cells of a run; stages that were not done leave dashes."""
-    high, top, learned = goals(run)
-    history = read_columns(run, "history.csv")
-    cells = [
+    """The cells of a run that has history.csv; dashes stand for what can only be read from files that it lacks."""
+
+    def cells(read: Callable[[Run[RunSettings]], list[str]], n: int, *needed: str) -> list[str]:
+        return read(run) if all(provenance.is_whole(run, name) for name in needed) else ["-"] * n
+
+    return [
         f"{run.settings.source}-{run.settings.seed}",
-        first_at_least(history["best"], high, history["generation"]),
-        first_at_least(history["best"], top, history["generation"]),
-        f"{float(history['best'][-1]):g}",
-        str(lineage_length(run)),
+        *_evolved(run),
+        *cells(lambda run: [str(lineage_length(run))], 1, "lineage.npz"),
+        *cells(_extracted, 3, "actions.npz", "sensors.npz"),
+        *cells(_learned, 3, "qlearning.csv"),
+        *cells(lambda run: [f"{generalisation(run, method):g}" for method in ("ER", "QL")], 2, "generalisation.csv"),
     ]
-    if provenance.is_whole(run, "sensors.npz"):
-        actions = read_arrays(run, "actions.npz")
-        durations = np.percentile(actions["durations"], [25, 50, 75])
-        cells += [f"{int(actions['n_segments']):,}", ", ".join(f"{d:g}" for d in durations)]
-        cells.append(str(int(read_arrays(run, "sensors.npz")["selected"].sum())))
-    if provenance.is_whole(run, "qlearning.csv"):
-        learning = read_columns(run, "qlearning.csv")
-        scores = np.array(learning["score"], float)
-        cells += [f"{scores.max():g}", first_at_least(learning["score"], learned, learning["episode"])]
-        cells.append(f"{score_at_the_end(scores):.2f}")
-    if provenance.is_whole(run, "generalisation.csv"):
-        cells += [f"{generalisation(run, method):g}" for method in ("ER", "QL")]
-    return cells + ["-"] * (len(header(run)) - len(cells))
 
 
 def transfer_table(some: list[Run[RunSettings]]) -> list[list[str]]:
@@ -97,7 +89,7 @@ def in_short(values: list[float]) -> str:
     return f"{as_number(median)} ({as_number(lower)} to {as_number(upper)})"
 
 
-def control_table(cells: dict[str, list[Run[CellSettings]]]) -> list[list[str]]:
+def control_table(cells: CellsByCondition) -> list[list[str]]:
     """Conditions of one control experiment, a line each: medians and quartiles over learners."""
     measures = {
         "final performance": performance,
@@ -156,16 +148,17 @@ def in_markdown(lines: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def of_task(some: list[Run[RunSettings]], cells: dict[str, dict[str, list[Run[CellSettings]]]]) -> dict[str, str]:
+def of_task(some: list[Run[RunSettings]], cells: dict[str, CellsByCondition], answered: list[Claim]) -> dict[str, str]:
     """The tables on one task by what they are about; none of what there is nothing for.
 
     Args:
         some: all its runs, at least one.
         cells: finished cells of each control experiment by its name.
+        answered: the paper's claims.
     """
     columns = header(some[0])
     evolved = [run for run in some if provenance.is_whole(run, "history.csv")]
-    found = {"Sizes": size_table(sizes.rows(some)), "The paper's claims": claims_table(claims(cells, some))}
+    found = {"Sizes": size_table(sizes.rows(some)), "The paper's claims": claims_table(answered)}
     found["Runs"] = [columns, ["---"] * len(columns), *(row(run) for run in evolved)]
     found["Learning in new domains"] = transfer_table(some)
     for what, of_experiment in cells.items():
@@ -173,3 +166,24 @@ def of_task(some: list[Run[RunSettings]], cells: dict[str, dict[str, list[Run[Ce
             found[f"Control experiment: {what.replace('n_', 'number of ')}"] = control_table(of_experiment)
     found["Tests"] = test_table(appendix.tables(cells, some))
     return {title: in_markdown(lines) for title, lines in found.items() if len(lines) > 2}
+
+
+def _evolved(run: Run[RunSettings]) -> list[str]:
+    high, top, _ = goals(run)
+    history = read_columns(run, "history.csv")
+    times = [first_at_least(history["best"], score, history["generation"]) for score in (high, top)]
+    return [*times, f"{float(history['best'][-1]):g}"]
+
+
+def _extracted(run: Run[RunSettings]) -> list[str]:
+    actions = read_arrays(run, "actions.npz")
+    durations = np.percentile(actions["durations"], [25, 50, 75])
+    n_inputs = int(read_arrays(run, "sensors.npz")["selected"].sum())
+    return [f"{int(actions['n_segments']):,}", ", ".join(f"{d:g}" for d in durations), str(n_inputs)]
+
+
+def _learned(run: Run[RunSettings]) -> list[str]:
+    learning = read_columns(run, "qlearning.csv")
+    scores = np.array(learning["score"], float)
+    time = first_at_least(learning["score"], goals(run)[2], learning["episode"])
+    return [f"{scores.max():g}", time, f"{score_at_the_end(scores):.2f}"]

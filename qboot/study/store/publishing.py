@@ -6,6 +6,7 @@ can be gone on with from it. Figures that need Q-networks say that they are miss
 """
 
 import shutil
+import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -37,21 +38,27 @@ def publish(study: Path, out: Path) -> int:
         The size of all that was written, in bytes.
 
     Raises:
-        RunError: if there are no runs below `study`, a file is damaged, or `out` is there already.
+        RunError: if there are no runs below `study`, one cannot be read, a file that would be published is not whole,
+            or `out` is there already; then nothing is written.
     """
-    found, _ = runs.runs_below(study)
+    found, unreadable = runs.runs_below(study)
     if out.exists():
         raise RunError(f"{out} exists already: choose another folder, or delete it")
+    if unreadable:
+        raise RunError(f"{unreadable[0]}; or move that run out of the study")
     some: list[AnyRun] = [*found]
     some += [runs.load(config.parent, CellSettings) for config in sorted(study.glob("ablations/*/*/*/*/config.json"))]
+    by_folder = {run.folder: run for run in found}
     for run in some:
-        _publish(run, replace(run, folder=out / run.folder.relative_to(study)))
-    for timing in [*study.glob("*/*/timing.csv"), *study.glob("ablations/*/*/timing.csv")]:
-        shutil.copyfile(timing, out / timing.relative_to(study))
-    made = sorted(path for path in out.rglob("*") if path.is_file())
-    sums = "".join(f"{files.digest(path)}  {path.relative_to(out).as_posix()}\n" for path in made)
-    files.write_text(out / CHECKSUMS, sums)
-    return sum(path.stat().st_size for path in [*made, out / CHECKSUMS])
+        # The copy of a cell does not tell what it was equipped from: only what is up to date is copied.
+        behind = study / run.task_name / run.settings.evolved if isinstance(run.settings, CellSettings) else None
+        provenance.require(run, *_published(run), evolved=by_folder.get(behind) if behind else None)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".publishing-", dir=out.parent) as scratch:
+        copy = Path(scratch) / "study"
+        size = _write(study, some, copy)
+        copy.rename(out)
+    return size
 
 
 def changed_files(published: Path) -> list[str]:
@@ -61,15 +68,35 @@ def changed_files(published: Path) -> list[str]:
     return [name for digest, name in sums if files.digest(published / name) != digest]
 
 
-def _publish(run: AnyRun, copy: AnyRun) -> None:
+def _published(run: AnyRun) -> list[str]:
+    """Files that are published of a run or a cell, of those that are there."""
+    recipes = provenance.OF_CELLS if isinstance(run.settings, CellSettings) else provenance.OF_RUNS
+    made = (name for recipe in recipes for name in recipe.makes)
+    return [name for name in made if name in CONTENTS and run.file(name).exists()]
+
+
+def _write(study: Path, some: list[AnyRun], out: Path) -> int:
+    """Write what is published of runs and cells, and its checksums; the size of all, in bytes."""
+    for run in some:
+        _copy_run(run, replace(run, folder=out / run.folder.relative_to(study)))
+    # The time of cells is noted for their experiment.
+    timed = {run.folder.parents[1] if isinstance(run.settings, CellSettings) else run.folder for run in some}
+    for timing in (folder / "timing.csv" for folder in timed):
+        if timing.exists():
+            shutil.copyfile(timing, out / timing.relative_to(study))
+    made = sorted(path for path in out.rglob("*") if path.is_file())
+    sums = "".join(f"{files.digest(path)}  {path.relative_to(out).as_posix()}\n" for path in made)
+    files.write_text(out / CHECKSUMS, sums)
+    return sum(path.stat().st_size for path in [*made, out / CHECKSUMS])
+
+
+def _copy_run(run: AnyRun, copy: AnyRun) -> None:
     """Copy what is published of a run or a cell; the copy has a record of its own, of what is in it."""
     copy.folder.mkdir(parents=True)
     shutil.copyfile(run.file("config.json"), copy.file("config.json"))
-    for recipe in provenance.OF_CELLS if isinstance(run.settings, CellSettings) else provenance.OF_RUNS:
-        for name in recipe.makes:
-            if name in CONTENTS and provenance.is_whole(run, name):
-                _copy(run.file(name), copy.file(name))
-                provenance.record(copy, name, files.digest(copy.file(name)))
+    for name in _published(run):
+        _copy(run.file(name), copy.file(name))
+        provenance.record(copy, name, files.digest(copy.file(name)))
 
 
 def _copy(source: Path, target: Path) -> None:
