@@ -56,6 +56,13 @@ def tiny_settings(task="ball_collecting", source="A", seed=0, **changed):
     return replace(settings, profile="tiny", evolution=evolution, **(sizes | changed))
 
 
+@pytest.fixture
+def tiny_sweep(monkeypatch):
+    """Control experiments of the size of those in the tiny study."""
+    size = profiles.ControlSize(TINY_SWEEP["n_runs"], TINY_SWEEP["n_episodes"])
+    monkeypatch.setattr(profiles, "control_size_of", lambda task, what, profile: size)
+
+
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory):
     """A function (name, make): a copy of the folder that `make(folder)` fills, once for all processes of the tests."""

@@ -108,12 +108,11 @@ def test_the_dry_run_starts_nothing_and_ends_with_the_sum(tmp_path, monkeypatch,
     assert [row[-2] for row in rows if "evolve" in row] == ["ready"] * 4
 
 
-def test_what_is_done_costs_nothing(tiny_study, monkeypatch):
+def test_what_is_done_costs_nothing(tiny_study, tiny_sweep, monkeypatch):
     monkeypatch.setattr(dry_run, "measure", lambda task, n_steps: RATES)
-    # A stage is done when its files were made with the settings that the study asks for.
+    # A stage or a learner is done when its files were made with the settings that the study asks for.
     monkeypatch.setattr(profiles, "runs_of", lambda name, profile, physics: [tiny_settings()])
     lines = list(dry_run.lines("smoke", "ball_collecting", tiny_study))
-    # The study has two learners in each condition of each experiment, as the profile.
     assert [line.split()[-2:] for line in lines[1:8]] == [["done", "0.0000"]] * 7
     assert lines[-1] == "0.00 core-hours"
 

@@ -4,14 +4,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import TINY_SWEEP, make_anew, tiny_settings
+from conftest import make_anew, tiny_settings
 
 from qboot.envs.registry import BUILT_IN, get_task
 from qboot.study import jobs
 from qboot.study.controls import cells
 from qboot.study.controls.conditions import places
-from qboot.study.pipeline import profiles
-from qboot.study.pipeline.profiles import ControlSize
 from qboot.study.pipeline.table import STAGES
 from qboot.study.store import runs
 
@@ -62,13 +60,6 @@ def test_a_job_is_done_when_all_that_it_makes_is_there(tiny_study):
     assert [job.step for job in stages if job.is_done] == [stage.name for stage in STAGES]
     elsewhere = jobs.jobs_of("smoke", "box_pushing", tiny_study)
     assert not any(job.is_done for job in elsewhere)
-
-
-@pytest.fixture
-def tiny_sweep(monkeypatch):
-    """Control experiments of the size of those in the tiny study."""
-    size = ControlSize(TINY_SWEEP["n_runs"], TINY_SWEEP["n_episodes"])
-    monkeypatch.setattr(profiles, "control_size_of", lambda task, what, profile: size)
 
 
 def test_a_control_experiment_is_done_with_its_last_cell(tiny_study, tmp_path, tiny_sweep):
