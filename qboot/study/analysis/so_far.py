@@ -12,21 +12,21 @@ from qboot.study.store.runs import Run
 from qboot.study.store.settings import RunSettings
 
 
-class Place(NamedTuple):
-    """Where the curve of a method lies while it grows."""
+class CurveFiles(NamedTuple):
+    """Where the curve of a method is while it grows."""
 
     table: str  # name of the finished file
     checkpoint: str  # name of the file before that
     columns: tuple[str, str]  # episodes and scores, in both
 
 
-_PLACES = {
+_FILES = {
     "source": {
-        "QL": Place("qlearning.csv", "learn.checkpoint.npz", ("episode", "score")),
-        "ER": Place("history.csv", "evolve.checkpoint.npz", ("episodes", "best")),
+        "QL": CurveFiles("qlearning.csv", "learn.checkpoint.npz", ("episode", "score")),
+        "ER": CurveFiles("history.csv", "evolve.checkpoint.npz", ("episodes", "best")),
     },
     "target": {
-        method: Place(f"{name}.csv", f"{name}.checkpoint.npz", (episodes, score))
+        method: CurveFiles(f"{name}.csv", f"{name}.checkpoint.npz", (episodes, score))
         for method, (name, episodes, score) in PARTS.items()
     },
 }
@@ -40,21 +40,21 @@ def curves_so_far(run: Run[RunSettings], which: str) -> dict[str, Curve]:
     """
     if which == "target" and run.file("transfer.csv").exists():
         return {method: target_curve(run, method) for method in METHODS}
-    found = {method: _so_far(run, place) for method, place in _PLACES[which].items()}
+    found = {method: _so_far(run, names) for method, names in _FILES[which].items()}
     if which == "target":
         found |= {method: to_the_end(run, curve) for method, curve in found.items() if method != "QL"}
     return {method: curve for method, curve in found.items() if len(curve.episodes)}
 
 
-def _so_far(run: Run[RunSettings], place: Place) -> Curve:
+def _so_far(run: Run[RunSettings], names: CurveFiles) -> Curve:
     """The curve, without entries where there is nothing yet."""
-    checkpoint = run.file(place.checkpoint)
-    if run.file(place.table).exists():
-        return Curve(*columns(run, place.table, *place.columns))
+    checkpoint = run.file(names.checkpoint)
+    if run.file(names.table).exists():
+        return Curve(*columns(run, names.table, *names.columns))
     try:
         arrays = files.read_npz(checkpoint)
     except RunError:
         if checkpoint.exists():
             raise
         return Curve(np.empty(0), np.empty(0))  # a stage removes its checkpoint when it is done
-    return Curve(*(files.pick(arrays, f"history.{name}", checkpoint) for name in place.columns))
+    return Curve(*(files.pick(arrays, f"history.{name}", checkpoint) for name in names.columns))
