@@ -24,6 +24,7 @@ from qboot.envs import get_task
 from qboot.neuroevolution.algorithms import ALGORITHMS
 from qboot.study.controls import cells, sweep
 from qboot.study.pipeline import checks, evolving, learning
+from qboot.study.pipeline.learning import Diverged
 from qboot.study.pipeline.table import STAGES, stage
 from qboot.study.report import page
 from qboot.study.store import files, provenance, runs
@@ -123,7 +124,7 @@ def test_a_cell_that_diverges_leaves_the_others_alone(tiny_study, tmp_path, monk
         "divergence",
         lambda learner, settings: "diverged" if (jax.random.key_data(learner.state.key) == key).all() else "",
     )
-    with pytest.raises(RunError, match=f"^{bad.folder}: diverged$"):
+    with pytest.raises(Diverged, match=f"^{bad.folder}: diverged$"):
         sweep.learn_cells(some, workers=1)
     assert [cell for cell in some if not cell.file("qlearning.csv").exists()] == [bad]
     assert bad.file("qlearning.diverged.csv").exists() and not bad.file("learn.checkpoint.npz").exists()

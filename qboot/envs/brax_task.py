@@ -195,7 +195,7 @@ class _Robot:
     def reset(self, key: jax.Array, domain: Domain) -> BraxState:
         """State at the start of a rollout."""
         state = settled(self.start(key, domain), self.template)
-        return BraxState(self.sense(state), jnp.float32(0.0), state.done > 0, state)
+        return BraxState(self.sense(self.observe(state)), jnp.float32(0.0), state.done > 0, state)
 
     def step(self, domain: Domain, state: BraxState, command: jax.Array) -> BraxState:
         """One timestep; a state that is done stays as it is, and earns nothing, and so does one that breaks down."""
@@ -210,15 +210,20 @@ class _Robot:
             reached = jnp.asarray(self.success(after)).astype(jnp.float32) > 0
             reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
         # One number that is none would be everybody's: rewards and outcomes of a population are compared.
-        breaks_down = ~(jnp.isfinite(reward) & jnp.all(jnp.isfinite(self.observe(after))))
+        seen = self.observe(after)
+        breaks_down = ~(jnp.isfinite(reward) & jnp.all(jnp.isfinite(seen)))
         stays = state.done | breaks_down
-        after = unless(stays, after, state.env)
-        return BraxState(self.sense(after), jnp.where(stays, jnp.float32(0.0), reward), stays | over, after)
+        return BraxState(
+            observation=jnp.where(stays, state.observation, self.sense(seen)),
+            reward=jnp.where(stays, jnp.float32(0.0), reward),
+            done=stays | over,
+            env=unless(stays, after, state.env),
+        )
 
-    def sense(self, state: Any) -> jax.Array:
-        """Sensors (S,) in [0, 1]."""
+    def sense(self, seen: jax.Array) -> jax.Array:
+        """Sensors (S,) in [0, 1] of what is observed, (S,)."""
         low, high = self.sensor_range
-        return jnp.clip((self.observe(state).astype(jnp.float32) - low) / (high - low), 0.0, 1.0)
+        return jnp.clip((seen.astype(jnp.float32) - low) / (high - low), 0.0, 1.0)
 
     def position(self, domain: Domain, state: BraxState) -> jax.Array:
         """Cell of two sensors on a 12 x 12 grid, () int32 in [0, 144)."""

@@ -24,7 +24,7 @@ from qboot.study.controls.cells import Cell, Cells
 from qboot.study.controls.shapes import Shape, shapes_of
 from qboot.study.pipeline import learning, loop
 from qboot.study.pipeline.extracting import ReplaysOtherwise
-from qboot.study.pipeline.learning import Learning
+from qboot.study.pipeline.learning import Diverged, Learning
 from qboot.study.pipeline.loop import Work
 from qboot.study.pipeline.progress import Progress
 from qboot.study.store import files, lock, provenance
@@ -63,8 +63,9 @@ def learn_cells(cells: Cells, workers: int) -> None:
         workers: programs at a time, >= 1; they do not change results.
 
     Raises:
-        RunError: if learners diverged, or have to be equipped from a lineage that replays otherwise on this machine,
-            when the others are done; at once if another process learns in these cells.
+        Diverged: if learners diverged, when the others are done.
+        RunError: if some have to be equipped from a lineage that replays otherwise on this machine, when the others are
+            done; at once if another process learns in these cells.
     """
     # Cells that are done may be read by others at the same time.
     owned = [cell for cell, evolved in cells.items() if not folders.is_finished(cell, evolved)]
@@ -104,7 +105,7 @@ def _learn_cells(cells: Cells, owned: list[Cell], workers: int) -> None:
         with ThreadPoolExecutor(workers) as pool:
             diverged = list(pool.map(lambda block: _learn_block(block, shapes[next(iter(block))], report), blocks))
     if words := [*dict.fromkeys(unequipped.values()), *itertools.chain.from_iterable(diverged)]:
-        raise RunError("; ".join(words))
+        raise (RunError if unequipped else Diverged)("; ".join(words))
 
 
 def problem_of(cell: Cell, shape: Shape) -> Problem:
