@@ -85,15 +85,15 @@ def test_done_is_absorbing_and_earns_nothing():
 
 
 class Fragile(Line):
-    """The line, on which a number beyond 0.5 is none: in the reward, or in what is observed."""
+    """The line, on which something is added to a number beyond 0.5: to the reward, or to what is observed."""
 
-    def __init__(self, broken):
-        self.broken = broken
+    def __init__(self, broken, added=jnp.nan):
+        self.broken, self.added = broken, added
 
     def step(self, state, action):
         after = super().step(state, action)
-        none = jnp.where(after.pipeline_state > 0.5, jnp.nan, 0.0)
-        return after.replace(**{self.broken: getattr(after, self.broken) + none})
+        added = jnp.where(after.pipeline_state > 0.5, self.added, 0.0)
+        return after.replace(**{self.broken: getattr(after, self.broken) + added})
 
 
 @pytest.mark.parametrize(
@@ -106,6 +106,13 @@ def test_a_rollout_that_breaks_down_ends_where_it_was(broken, success):
     assert 0 < end < 10 and states.done[end:].all() and not states.reward[end:].any()
     assert np.isfinite(states.observation).all() and np.isfinite(states.reward).all()
     assert 0.4 <= float(states.env.pipeline_state[-1]) <= 0.5
+
+
+def test_an_infinite_sensor_is_at_the_end_of_its_range():
+    task = from_brax(Fragile("obs", jnp.inf), name="far", max_steps=30, observation_range=([-1, 0], 1))
+    _, states = play(task, np.ones(7))
+    assert not states.done.any() and float(states.env.pipeline_state[-1]) > 0.5
+    np.testing.assert_array_equal(states.observation[-1], 1.0)
 
 
 def test_success_pays_once_and_ends_the_rollout():

@@ -60,9 +60,10 @@ def from_brax(
     ends the rollout: the score counts the rollouts that reached it. Without, the environment's own rewards count, and
     may be dense: the score of a rollout is their sum divided by `reward`, any fraction, negative where they are.
 
-    A rollout that is done stays where it is and earns nothing. A step after which the reward or what is observed is not
-    finite ends the rollout where it was before, without a reward. A rollout is never truncated before `max_steps`. Give
-    the bare environment: wrappers that count episodes or reset by themselves would do so a second time.
+    A rollout that is done stays where it is and earns nothing. A step after which the reward is not finite, or what is
+    observed is NaN, ends the rollout where it was before, without a reward. A rollout is never truncated before
+    `max_steps`. Give the bare environment: wrappers that count episodes or reset by themselves would do so a second
+    time.
 
     Args:
         env: a `brax.envs.Env`, or what has the same `reset(key)` -> state, `step(state, action)` -> state and
@@ -211,7 +212,8 @@ class _Robot:
             reward, over = jnp.where(reached, jnp.float32(self.reward), jnp.float32(0.0)), (after.done > 0) | reached
         # One number that is none would be everybody's: rewards and outcomes of a population are compared.
         seen = self.observe(after)
-        breaks_down = ~(jnp.isfinite(reward) & jnp.all(jnp.isfinite(seen)))
+        # A sensor that is infinite is at the end of its range.
+        breaks_down = ~jnp.isfinite(reward) | jnp.any(jnp.isnan(seen))
         stays = state.done | breaks_down
         return BraxState(
             observation=jnp.where(stays, state.observation, self.sense(seen)),
