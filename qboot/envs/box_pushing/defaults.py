@@ -11,8 +11,8 @@ DEFAULTS = Defaults(
         "smoke": Size(1, ("A",), 16, 4, 100, 4, 6, 6, 2),
         "quick": Size(2, ("A",), 128, 40, 300, 500, 150, 100, 6),
         "standard": Size(10, ("A",), 128, 400, 300, 500, 5_000, 2_000, 300),
-        # As printed: 30 runs; ER on the target set up to the paper's median.
-        "paper": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 2_000),
+        # As printed: 30 runs; ER on the target set up to the episodes of the paper's median, 256 of them a generation.
+        "paper": Size(30, ("A",), 128, 1_000, 300, 500, 5_000, 6_000, 1_000),
     },
     controls={
         "smoke": controls(2, actions=4, sensors=4, n_actions=4),
