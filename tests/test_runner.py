@@ -18,13 +18,13 @@ from qboot.study.controls.conditions import WHATS
 from qboot.study.pipeline import progress
 from qboot.study.pipeline.progress import STATUS_VARIABLE, Progress
 from qboot.study.report import page
-from qboot.study.runner import Job
+from qboot.study.runner import Chain
 from qboot.study.store import programs
 from qboot.study.store.files import RunError
 
 
-def job(label, **changed):
-    return Job(label, Path("nowhere"), Path(label), {"step": []}, **changed)
+def chain(label, **changed):
+    return Chain(label, Path("nowhere"), Path(label), {"step": []}, **changed)
 
 
 @pytest.fixture(autouse=True)
@@ -34,15 +34,15 @@ def quick(monkeypatch):
 
 def test_a_job_that_is_not_ready_lets_others_pass():
     done = []
-    first = job("first")
-    waits = job("waits", is_ready=lambda: last.is_over)
-    last = job("last")
+    first = chain("first")
+    waits = chain("waits", is_ready=lambda: last.is_over)
+    last = chain("last")
 
-    def do_job(some):
+    def do_chain(some):
         done.append(some.label)
         return ""
 
-    runner.do([first, waits, last], do_job, n_workers=1)
+    runner.do([first, waits, last], do_chain, n_workers=1)
     assert done == ["first", "last", "waits"]
     assert first.is_over and waits.is_over and last.is_over
 
@@ -50,21 +50,21 @@ def test_a_job_that_is_not_ready_lets_others_pass():
 def test_jobs_run_side_by_side():
     together = threading.Barrier(3, timeout=20)  # broken unless three are at work at once
 
-    def do_job(some):
+    def do_chain(some):
         together.wait()
         return ""
 
-    runner.do([job(str(i)) for i in range(3)], do_job, n_workers=3)
+    runner.do([chain(str(i)) for i in range(3)], do_chain, n_workers=3)
 
 
 def test_an_error_stops_its_job_alone():
-    def do_job(some):
+    def do_chain(some):
         if some.label == "1":
             raise OSError("no space")
         return "bad" if some.label == "0" else ""
 
-    some = [job(str(i)) for i in range(3)]
-    runner.do(some, do_job, n_workers=1)
+    some = [chain(str(i)) for i in range(3)]
+    runner.do(some, do_chain, n_workers=1)
     assert [each.error for each in some] == ["bad", "no space", ""]
 
 
@@ -74,7 +74,7 @@ def test_a_job_that_cannot_tell_whether_it_is_ready_fails_alone(error, n_workers
     def is_ready():
         raise error
 
-    some = [job("0"), job("1", is_ready=is_ready), job("2", is_ready=lambda: some[1].is_over)]
+    some = [chain("0"), chain("1", is_ready=is_ready), chain("2", is_ready=lambda: some[1].is_over)]
     done = []
     runner.do(some, lambda each: done.append(each.label) or "", n_workers)
     assert sorted(done) == ["0", "2"] and all(each.is_over for each in some)
@@ -83,11 +83,11 @@ def test_a_job_that_cannot_tell_whether_it_is_ready_fails_alone(error, n_workers
 
 
 def test_any_error_of_a_job_is_one_line_and_others_go_on():
-    def do_job(some):
+    def do_chain(some):
         raise RuntimeError("two\nlines")
 
-    some = [job(str(i)) for i in range(3)]
-    runner.do(some, do_job, n_workers=1)
+    some = [chain(str(i)) for i in range(3)]
+    runner.do(some, do_chain, n_workers=1)
     assert [each.error for each in some] == ["RuntimeError two lines"] * 3
 
 
@@ -101,14 +101,14 @@ def test_what_nobody_watches_is_stopped(monkeypatch):
             time.sleep(0.01)
         raise BrokenPipeError
 
-    def do_job(some):
+    def do_chain(some):
         return str(processes.run(command, dict(os.environ)).returncode)
 
     monkeypatch.setattr(runner, "_watch", watch)
-    some = [job(str(i)) for i in range(2)]
+    some = [chain(str(i)) for i in range(2)]
     started = time.monotonic()
     with pytest.raises(BrokenPipeError):
-        runner.do(some, do_job, n_workers=1)
+        runner.do(some, do_chain, n_workers=1)
     assert time.monotonic() - started < 30
     assert not processes._running and some[0].error == str(-signal.SIGTERM)
 
@@ -166,7 +166,7 @@ def test_what_a_step_tells_its_user_is_shown_once(monkeypatch, capsys, code):
         "qboot: the end\n"
     )
     monkeypatch.setattr(processes, "run", lambda command, _: subprocess.CompletedProcess(command, code, "", printed))
-    error = runner._do_steps(job("task A-0"))
+    error = runner._do_steps(chain("task A-0"))
     said = [
         "qboot: task A-0 step: A-0: no extracted action gives gripper below 0.5",
         "qboot: task A-0 step: actions.npz is damaged: set aside",

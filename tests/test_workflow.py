@@ -34,6 +34,14 @@ def test_snakemake_plans_a_rule_for_each_job(tmp_path):
     assert not out.exists()
 
 
+def test_snakemake_refuses_a_folder_that_it_would_take_for_wildcards(tmp_path):
+    pytest.importorskip("snakemake", reason="the extra `cluster` is not installed")
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(workflow.SNAKEFILE), "--dry-run", "--cores", "1"]
+    result = subprocess.run([*command, "--config", "out=a{b}"], cwd=tmp_path, capture_output=True, text=True)
+    assert result.returncode != 0
+    assert "out=a{b}: Snakemake takes braces for wildcards" in result.stdout + result.stderr
+
+
 def test_the_command_line_tells_where_the_workflow_is(capsys):
     assert cli.main(["workflow"]) == 0
     assert capsys.readouterr().out.strip() == str(workflow.SNAKEFILE)

@@ -17,7 +17,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from qboot.study import costs, processes
-from qboot.study import jobs as plan
+from qboot.study.jobs import Job, jobs_of, waits_for
 from qboot.study.pipeline.checks import check
 from qboot.study.pipeline.interruption import at_interrupt
 from qboot.study.pipeline.progress import STATUS_VARIABLE
@@ -39,8 +39,8 @@ class Incomplete(RunError):
 
 
 @dataclass
-class Job:
-    """Steps to be done one after another, each a process, as the display shows them."""
+class Chain:
+    """Steps to be done one after another, each a process of its own, which the display shows as one."""
 
     label: str
     status: Path
@@ -63,7 +63,7 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
     """
     if jobs is not None and jobs < 1:
         raise ValueError(f"--jobs is {jobs}: at least 1 process is needed")
-    table = plan.jobs_of(profile, task, out, physics)
+    table = jobs_of(profile, task, out, physics)
     settings = list(dict.fromkeys(each.run for each in table if each.run))
     for run in settings:
         check(run)
@@ -73,19 +73,19 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
         status = (scratch / f"{i}.json" for i in itertools.count())
         # The stages of a run follow each other; a control experiment waits for the runs of its task.
         of_runs = [
-            _run_job(list(stages), next(status))
+            _of_run(list(stages), next(status))
             for run, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.run)
             if run not in unusable
         ]
-        of_sweeps: dict[plan.Job, Job] = {}
+        of_sweeps: dict[Job, Chain] = {}
         for each in table:
             if not each.run:
                 # ... and for the experiment that makes the cells that it has in common with it.
-                earlier = [of_sweeps[other] for other in plan.waits_for(each, list(of_sweeps))]
-                of_sweeps[each] = _sweep_job(each, next(status), of_runs, earlier)
+                earlier = [of_sweeps[other] for other in waits_for(each, list(of_sweeps))]
+                of_sweeps[each] = _of_control(each, next(status), of_runs, earlier)
         everything = [*of_runs, *of_sweeps.values()]
-        do(everything, lambda job: _do_steps(job), jobs or os.cpu_count() or 1)
-    errors = [*unusable.values(), *(f"{job.folder}: {job.error}" for job in everything if job.error)]
+        do(everything, lambda chain: _do_steps(chain), jobs or os.cpu_count() or 1)
+    errors = [*unusable.values(), *(f"{chain.folder}: {chain.error}" for chain in everything if chain.error)]
     if errors:
         raise Incomplete("; ".join(errors))
 
@@ -119,35 +119,35 @@ def _scratch(out: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
-    """Do jobs in their order, several at a time; one that is not ready lets others pass.
+def do(some: list[Chain], do_chain: Callable[[Chain], str], n_workers: int) -> None:
+    """Do chains in their order, several at a time; one that is not ready lets others pass.
 
     Args:
-        some: the jobs; a job that waits for others must become ready once they are over.
-        do_job: does one; returns its error, or nothing.
+        some: the chains; one that waits for others must become ready once they are over.
+        do_chain: does one; returns its error, or nothing.
         n_workers: at a time, >= 1.
     """
     waiting, one_at_a_time = list(some), threading.Lock()
 
-    def take() -> Job | None:
+    def take() -> Chain | None:
         with one_at_a_time:
-            job = next((job for job in waiting if _is_ready(job)), None)
-            if job:
-                waiting.remove(job)
-            return job
+            chain = next((chain for chain in waiting if _is_ready(chain)), None)
+            if chain:
+                waiting.remove(chain)
+            return chain
 
     def work() -> None:
         while waiting:
-            job = take()
-            if job is None:
+            chain = take()
+            if chain is None:
                 time.sleep(SECONDS_BETWEEN_LOOKS)
                 continue
             try:
-                job.error = job.error or do_job(job)
+                chain.error = chain.error or do_chain(chain)
             except Exception as error:  # whatever it is: the others go on, and nobody waits for this one
-                job.error = _in_words(error)
+                chain.error = _in_words(error)
             finally:
-                job.is_over = True
+                chain.is_over = True
 
     with ThreadPoolExecutor(n_workers) as pool:
         workers = [pool.submit(work) for _ in range(n_workers)]
@@ -162,12 +162,12 @@ def do(some: list[Job], do_job: Callable[[Job], str], n_workers: int) -> None:
         worker.result()
 
 
-def _is_ready(job: Job) -> bool:
-    """Whether a job can begin; one that cannot tell has failed, and is taken to be over."""
+def _is_ready(chain: Chain) -> bool:
+    """Whether a chain can begin; one that cannot tell has failed, and is taken to be over."""
     try:
-        return job.is_ready()
+        return chain.is_ready()
     except Exception as error:
-        job.error = f"cannot tell whether it can begin: {_in_words(error)}"
+        chain.error = f"cannot tell whether it can begin: {_in_words(error)}"
         return True
 
 
@@ -176,24 +176,24 @@ def _in_words(error: Exception) -> str:
     return words if words and isinstance(error, OSError | RunError | ValueError) else f"{type(error).__name__} {words}"
 
 
-def _run_job(stages: list[plan.Job], status: Path) -> Job:
+def _of_run(stages: list[Job], status: Path) -> Chain:
     steps = {stage.step: stage.arguments for stage in stages}
     parts = {name: seconds for stage in stages for name, seconds in costs.of_usual(stage).items()}
     before = sum(sum(costs.of_usual(stage).values()) for stage in stages if stage.is_done)
-    return Job(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
+    return Chain(f"{stages[0].task_name} {stages[0].what}", status, stages[0].folder, steps, parts, before)
 
 
-def _sweep_job(control: plan.Job, status: Path, of_runs: list[Job], earlier: list[Job]) -> Job:
+def _of_control(control: Job, status: Path, of_runs: list[Chain], earlier: list[Chain]) -> Chain:
     """A control experiment, which begins when all runs of its task have their actions and sensors, or never will."""
-    awaited = [job for job in of_runs if any(path.parent == job.folder for path in control.needs)]
+    awaited = [chain for chain in of_runs if any(path.parent == chain.folder for path in control.needs)]
 
     def is_ready() -> bool:
-        extracted = all(job.is_over or _is_extracted(job.folder) for job in awaited)
-        return extracted and all(job.is_over for job in earlier)
+        extracted = all(chain.is_over or _is_extracted(chain.folder) for chain in awaited)
+        return extracted and all(chain.is_over for chain in earlier)
 
     steps, parts = {control.step: control.arguments}, costs.of_usual(control)
     before = sum(parts.values()) if control.is_done else 0.0
-    return Job(control.label, status, control.folder, steps, parts, before, is_ready)
+    return Chain(control.label, status, control.folder, steps, parts, before, is_ready)
 
 
 def _is_extracted(folder: Path) -> bool:
@@ -203,21 +203,21 @@ def _is_extracted(folder: Path) -> bool:
         return False
 
 
-def _do_steps(job: Job) -> str:
-    """All steps of one job, whose warnings are shown; an error in words, or nothing."""
-    environment = os.environ | ONE_THREAD | {STATUS_VARIABLE: str(job.status)}
-    for step, arguments in job.steps.items():
+def _do_steps(chain: Chain) -> str:
+    """All steps of one chain, whose warnings are shown; an error in words, or nothing."""
+    environment = os.environ | ONE_THREAD | {STATUS_VARIABLE: str(chain.status)}
+    for step, arguments in chain.steps.items():
         command = [sys.executable, "-m", "qboot.cli", *arguments]
         for _ in range(TRIES):
-            started, before = time.time(), _read_status(job.status)
+            started, before = time.time(), _read_status(chain.status)
             result = processes.run(command, environment)
-            if result.returncode == 0 and _read_status(job.status) != before:
-                _note_time(job.folder, step, time.time() - started)
+            if result.returncode == 0 and _read_status(chain.status) != before:
+                _note_time(chain.folder, step, time.time() - started)
             if result.returncode in (0, 2, 129, 130, 143):
                 break
         lines = result.stderr.strip().splitlines()
         error = (lines or [f"exit code {result.returncode}"]).pop() if result.returncode else ""
-        _show_warnings(lines, f"{job.label} {step}")
+        _show_warnings(lines, f"{chain.label} {step}")
         if error:
             return f"{step} failed: {error}"
     return ""
@@ -235,18 +235,18 @@ def _note_time(folder: Path, stage: str, seconds: float) -> None:
         stream.write(f"{stage},{seconds:.1f}\n")
 
 
-def _watch(some: list[Job]) -> None:
-    """Show how far all jobs are, by what they cost, until they are over."""
+def _watch(some: list[Chain]) -> None:
+    """Show how far all chains are, by what they cost, until they are over."""
     form = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
     interval = 1.0 if sys.stderr.isatty() else 10.0  # a file is not filled with bars
     look = {"bar_format": form, "dynamic_ncols": True, "mininterval": interval, "smoothing": 0}
-    total = sum(sum(job.parts.values()) for job in some)
-    with tqdm(total=total, initial=sum(job.before for job in some), desc="study", **look) as bar:
+    total = sum(sum(chain.parts.values()) for chain in some)
+    with tqdm(total=total, initial=sum(chain.before for chain in some), desc="study", **look) as bar:
         while True:
-            over = all(job.is_over for job in some)
-            statuses = {job.label: _read_status(job.status) for job in some}
-            done = sum(_seconds_done(job, statuses[job.label]) for job in some)
-            running = [status for job in some if (status := statuses[job.label]) and not job.is_over]
+            over = all(chain.is_over for chain in some)
+            statuses = {chain.label: _read_status(chain.status) for chain in some}
+            done = sum(_seconds_done(chain, statuses[chain.label]) for chain in some)
+            running = [status for chain in some if (status := statuses[chain.label]) and not chain.is_over]
             texts = [f"{status['label']} {status['done']}/{status['total']} {status['text']}" for status in running]
             bar.set_postfix_str(" | ".join(texts), refresh=False)
             bar.update(done - bar.n)
@@ -255,16 +255,16 @@ def _watch(some: list[Job]) -> None:
             time.sleep(SECONDS_BETWEEN_LOOKS)
 
 
-def _seconds_done(job: Job, status: dict | None) -> float:
-    """How much of what a job costs is done, given its last status."""
-    names = list(job.parts)
-    if job.is_over:
-        return sum(job.parts.values())
+def _seconds_done(chain: Chain, status: dict | None) -> float:
+    """How much of what a chain costs is done, given its last status."""
+    names = list(chain.parts)
+    if chain.is_over:
+        return sum(chain.parts.values())
     part = status["label"].split()[0] if status else ""
-    if status is None or part not in job.parts:
-        return job.before
-    done = sum(job.parts[name] for name in names[: names.index(part)])
-    return done + job.parts[part] * status["done"] / max(status["total"], 1)
+    if status is None or part not in chain.parts:
+        return chain.before
+    done = sum(chain.parts[name] for name in names[: names.index(part)])
+    return done + chain.parts[part] * status["done"] / max(status["total"], 1)
 
 
 def _read_status(path: Path) -> dict | None:
