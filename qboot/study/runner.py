@@ -77,14 +77,14 @@ def reproduce(profile: str, task: str | None, out: Path, jobs: int | None, physi
             for run, stages in itertools.groupby((each for each in table if each.run), key=lambda each: each.run)
             if run not in unusable
         ]
-        of_sweeps: dict[Job, Chain] = {}
+        of_controls: dict[Job, Chain] = {}
         for each in table:
             if not each.run:
                 # ... and for the experiment that makes the cells that it has in common with it.
-                earlier = [of_sweeps[other] for other in waits_for(each, list(of_sweeps))]
-                of_sweeps[each] = _of_control(each, next(status), of_runs, earlier)
-        everything = [*of_runs, *of_sweeps.values()]
-        do(everything, lambda chain: _do_steps(chain), jobs or os.cpu_count() or 1)
+                earlier = [of_controls[other] for other in waits_for(each, list(of_controls))]
+                of_controls[each] = _of_control(each, next(status), of_runs, earlier)
+        everything = [*of_runs, *of_controls.values()]
+        do(everything, _do_steps, jobs or os.cpu_count() or 1)
     errors = [*unusable.values(), *(f"{chain.folder}: {chain.error}" for chain in everything if chain.error)]
     if errors:
         raise Incomplete("; ".join(errors))
