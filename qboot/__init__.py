@@ -1,7 +1,7 @@
 """Bootstrapping Q-learning for robotics from neuro-evolution results."""
 
-from qboot.xla import compile_small_loops
+from qboot.xla import set_flags
 
 __version__ = "0.2.0.dev0"
 
-compile_small_loops()
+set_flags()

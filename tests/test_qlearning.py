@@ -1,8 +1,6 @@
 """The Q-learner as a whole: ends of rollouts, replay, batching. What all learners have in common: test_learners.py."""
 
 import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import jax
@@ -153,11 +151,3 @@ def test_the_loops_of_acting_and_replay_are_compiled_whole():
     compiled = learn.lower(state, problem_, 1).compile().as_text()
     # With one rollout and one episode these are all the loops there are; each is called as one kernel.
     assert compiled.count(" while(") == compiled.count("xla_cpu_small_call") > 0
-
-
-@pytest.mark.parametrize(("before", "expected"), [("", True), ("jax.devices()", False)])
-def test_the_option_for_small_loops_is_set_until_jax_has_started(before, expected):
-    code = f"import jax; {before}; import qboot.xla; print(qboot.xla.compile_small_loops())".replace("; ;", ";")
-    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
-    found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == str(expected)

@@ -54,8 +54,9 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
     different = ~np.isclose(scores, ancestors.scores, rtol=1e-5, atol=1e-5)
     if different.mean() > ROUNDED_OTHERWISE:
         raise ReplaysOtherwise(
-            f"{run.file('lineage.npz')} does not replay to the scores it was saved with: it was made by another "
-            "version of qboot or on other hardware; evolve again on this one"
+            f"{run.file('lineage.npz')} does not replay to the scores it was saved with, {different.sum()} of its "
+            f"{len(different)} networks score otherwise: it was made by another version of qboot, with other XLA flags "
+            f"({run.file('config.json')} tells both) or on other hardware; set XLA_FLAGS so, or evolve again"
         )
     if different.any():
         warnings.warn(
