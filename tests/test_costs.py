@@ -117,9 +117,13 @@ def test_what_is_done_costs_nothing(tiny_study, tiny_sweep, monkeypatch):
     assert lines[-1] == "0.00 core-hours"
 
 
-def test_rates_are_measured():
-    """On a task whose programs compile in no time."""
-    found = calibration.measure(corridor((0, 3), (5, 2)), 60)
+@pytest.mark.parametrize("lags", [8, 15])
+def test_rates_are_measured(lags):
+    """On a task whose programs compile in no time; with 15 lags it selects as many inputs as can be measured."""
+    task = corridor((0, 3), (5, 2))
+    defaults = profiles.defaults_of(task)
+    defaults = defaults._replace(sensors=replace(defaults.sensors, lags=lags))
+    found = calibration.measure(task._replace(defaults=lambda: defaults), 60)
     assert found.rollout_step > 0 and found.compile_evolution > 0 and found.compile_learning > 0
     assert found.acting_step >= 0 and found.update >= 0
     assert 0 < found.lived <= 1

@@ -36,14 +36,15 @@ def measure(task: Task, n_steps: int) -> Costs:
     compile_evolution, block = _timed(evaluate)
     lived = int(evaluate().steps.sum())
     # An episode with random actions, of which nothing is replayed.
-    small = _problem(task, defaults.actions.n_actions, round(n_selected(task, defaults)))
+    most = LAGS * len(task.sensors)
+    small = _problem(task, defaults.actions.n_actions, round(min(n_selected(task, defaults), most / 2)))
     state = qlearning.init(jax.random.key(0), small)
     compile_learning, episode = _timed(lambda: qlearning.learn(state, small, 1))
     info = qlearning.learn(state, small, 1)[1]
     steps, decisions = int(info.steps.sum()), int(info.decisions.sum())
     # Replays alone, with networks of two sizes, both so small that XLA keeps them to one thread: larger ones it spreads
     # over all that are idle, and what several threads cost would be taken for the cost of the size.
-    large = _problem(task, defaults.actions.n_actions, LAGS * len(task.sensors))
+    large = _problem(task, defaults.actions.n_actions, most)
     of_small, of_large = _update_seconds(small), _update_seconds(large)
     weight = (of_large - of_small) / (_n_weights(large) - _n_weights(small))
     return Costs(
