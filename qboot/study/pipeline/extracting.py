@@ -56,7 +56,8 @@ def replayed(run: Run[RunSettings], workers: int) -> list[Trace]:
         raise ReplaysOtherwise(
             f"{run.file('lineage.npz')} does not replay to the scores it was saved with, {different.sum()} of its "
             f"{len(different)} networks score otherwise: it was made by another version of qboot, with other XLA flags "
-            f"({run.file('config.json')} tells both) or on other hardware; set XLA_FLAGS so, or evolve again"
+            f'({run.file("config.json")} tells both) or on other hardware. docs/reliability.md, "Another processor", '
+            "tells with which flags it may; or evolve again on this one"
         )
     if different.any():
         warnings.warn(
