@@ -143,6 +143,44 @@ def test_sensors_that_are_sums_of_others_are_no_obstacle(traces):
     assert votes.kept[[0, 1, 2, 4, 5]].any(axis=(1, 2)).all()
 
 
+def blocks_at_rest(n_traces, seed):
+    """A hand that comes nearer to a block: the block rests, all its lags are equal; the third is their difference."""
+    random = np.random.default_rng(seed)
+    traces = []
+    for _ in range(n_traces):
+        hand = np.cumsum(random.uniform(-0.02, 0.03, 60)) + random.uniform()
+        block = np.full(60, random.uniform())
+        traces.append(np.float32(np.stack([hand, block, block - hand], axis=1)).astype(float))
+    return traces
+
+
+def test_equal_inputs_do_not_end_the_path_of_the_lasso(monkeypatch):
+    """Its criterion is the least of all penalties', by coordinate descent, which takes equal inputs as they come."""
+    fits = []
+    fit = sensors.fit_lasso
+
+    def kept(gram, correlation, *rest):
+        fits.append((gram, correlation, rest[-1].n_rows, *fit(gram, correlation, *rest)))
+        return fits[-1][3:]
+
+    monkeypatch.setattr(sensors, "fit_lasso", kept)
+    sensor_votes(blocks_at_rest(20, 0), 8, SensorSettings())
+    for gram, correlation, n_rows, weights, _, _ in fits:
+
+        def criterion(some, gram=gram, correlation=correlation, n_rows=n_rows):
+            unexplained = 1 - 2 * correlation @ some + some @ gram @ some
+            return n_rows * np.log(unexplained) + np.log(n_rows) * np.count_nonzero(some)
+
+        # The rows of a root of the matrix are data with these very correlations.
+        rows = np.linalg.cholesky(gram).T
+        target = np.linalg.solve(rows.T, correlation)
+        others = [
+            Lasso(alpha / len(rows), fit_intercept=False, tol=1e-12, max_iter=1_000_000).fit(rows, target).coef_
+            for alpha in np.geomspace(1e-1, 1e-6, 26)
+        ]
+        assert criterion(weights) <= min(map(criterion, others)) + 1e-6
+
+
 def test_short_traces_are_left_out(traces):
     short = [np.full((LAGS, 4), 5.0), np.zeros((0, 4))]
     votes = sensor_votes([*short, *traces], LAGS)

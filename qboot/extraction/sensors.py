@@ -10,7 +10,6 @@ own last values. So a strong penalty makes every sensor vote for itself alone, a
 keeps nearly every input. `docs/fidelity.md` has the counts, and why the default is the plain criterion.
 """
 
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -30,6 +29,10 @@ CONSTANT = 1e-10
 # Variance of the measurement noise supposed on every input, as a share of its own: some sensors are exact sums of
 # others, and without noise the lasso's path through them is not defined.
 NOISE = 1e-4
+# Correlations with a target are moved by up to this, at random. Equal inputs, such as the place of a block that rests,
+# at all lags, would enter the path at once; least angle regression takes one at a time, and where they tie, rounding
+# decides which, and the path may end long before its penalty is small.
+JITTER = 1e-10
 # Weights of standardised inputs below this are zeros with rounding errors.
 NEGLIGIBLE = 1e-9
 
@@ -234,16 +237,11 @@ def fit_lasso(
     Returns:
         Weights (P,), not all zero, the penalty, and the share of the target's variance explained.
     """
-    from sklearn.exceptions import ConvergenceWarning  # takes a second to import: only those who fit pay
-    from sklearn.linear_model import lars_path_gram
+    from sklearn.linear_model import lars_path_gram  # takes a second to import: only those who fit pay
 
     least = settings.alpha if settings.rule == "fixed" else 0.0
-    with warnings.catch_warnings():
-        # A target that is explained down to rounding ends its path early, as it should.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        alphas, _, path = lars_path_gram(
-            correlation, gram, n_samples=1, method="lasso", alpha_min=least, max_iter=20 * len(gram)
-        )
+    apart = correlation + JITTER * np.random.default_rng(0).uniform(-1.0, 1.0, len(correlation))
+    alphas, _, path = lars_path_gram(apart, gram, n_samples=1, method="lasso", alpha_min=least, max_iter=20 * len(gram))
     path[np.abs(path) < NEGLIGIBLE] = 0.0
     unexplained = 1 - 2 * correlation @ path + np.einsum("ip,ij,jp->p", path, gram, path)
     if settings.rule == "fixed":
