@@ -3,9 +3,9 @@
 **Small loops in one kernel.** XLA's CPU runtime dispatches every operation of a loop body separately. A robot
 simulation is a long loop over hundreds of tiny operations, so the dispatch costs more than the arithmetic.
 
-**Instructions that every x86 processor of the last ten years has.** With newer ones XLA arranges sums otherwise, on
-those processors alone: last bits, and after a long computation scores, would depend on where a seed is run. They also
-made Q-learning slower (docs/performance.md).
+**AVX2 at most, which nearly every x86 processor of the last ten years has.** With newer instructions XLA arranges sums
+otherwise, on those processors alone: last bits, and after a long computation scores, would depend on where a seed is
+run. They also made Q-learning slower (docs/performance.md).
 """
 
 import os
